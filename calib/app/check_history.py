@@ -145,7 +145,7 @@ def _draw(history: list[PastCheck], column: int, unit: str, axes: "Axes") -> Non
 
     from calib.draw.style import BLUE, GREEN, ORANGE, VERMILION, open_axes
 
-    open_axes(axes, "day (UTC)", f"change against the file, in {unit}")
+    open_axes(axes, "day (UTC)", f"change, in {unit}")
     for k, camera in enumerate(dict.fromkeys(one.camera for one in history)):
         own = [one for one in history if one.camera == camera]
         when = np.array([date2num(datetime.fromisoformat(one.time)) for one in own])  # type: ignore[no-untyped-call]
