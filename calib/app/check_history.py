@@ -131,21 +131,19 @@ def history_figures(history: tuple[PastCheck, ...]) -> "list[Figure]":
             for one in shown
             if one.time == shown[-1].time
         ]
-        title = f"{WHAT[column].capitalize()} over time"
-        drawing = AxesDrawing(
-            title, f"{count} checks, the last: {', '.join(last)}", partial(_draw, shown, column, unit)
-        )
+        title = f"{WHAT[column].capitalize()} over time, change in {unit}"
+        drawing = AxesDrawing(title, f"{count} checks, the last: {', '.join(last)}", partial(_draw, shown, column))
         figures.append(figure_of(drawing))
     return figures
 
 
-def _draw(history: list[PastCheck], column: int, unit: str, axes: "Axes") -> None:
+def _draw(history: list[PastCheck], column: int, axes: "Axes") -> None:
     """A line a camera, with bars of two standard deviations; crosses where the answer was no."""
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 
     from calib.draw.style import BLUE, GREEN, ORANGE, VERMILION, open_axes
 
-    open_axes(axes, "day (UTC)", f"change, in {unit}")
+    open_axes(axes, "day (UTC)", "")
     for k, camera in enumerate(dict.fromkeys(one.camera for one in history)):
         own = [one for one in history if one.camera == camera]
         when = np.array([date2num(datetime.fromisoformat(one.time)) for one in own])  # type: ignore[no-untyped-call]
