@@ -322,9 +322,9 @@ def _measured(pixels: NDArray[np.generic], target: TargetGeometry, named: _Point
 
 
 def _as_found(target: TargetGeometry, named: _Points, good: int) -> _Fits:
-    """Where too few fits are corners: what markers name beyond doubt stays as its finder placed it."""
+    """Where too few fits are corners: crossings that markers name beyond doubt stay as their finder placed them."""
     assert target.marks is not None  # noqa: S101 - who calls has looked
-    sure = [face for face, marks in enumerate(target.marks) if marks.marker_ids]
+    sure = [face for face, marks in enumerate(target.marks) if marks.marker_ids and marks.is_crossing]
     mine = np.isin(target.ring_face[named.ring], sure)
     if not mine.any():
         return _nothing(named, good)
