@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, cast
@@ -30,11 +29,11 @@ if TYPE_CHECKING:
     from calib.observe.photos import Search
     from calib.rigs.result import RigCalibration
     from calib.solver.calibration import Calibration, PlaneBend
-    from designer.page.blocks import Block, Figure, Level, Page
+    from designer.page.blocks import Page
     from designer.target import TargetGeometry
 
 Verdict = Literal["yes", "no", "cannot say"]
-MOST_FIGURES, MOST_NAMED = 4, 6
+MOST_NAMED = 6
 NO_SIGMA = (
     "the file does not say how sure it is: it is taken to be as sure as from 20 photos such as these; a no may also "
     "mean that it never was better"
@@ -117,11 +116,15 @@ class CameraCheck(Result, kind="check", title="Check", doing="checking", files={
 
     def page(self) -> "Page":
         """The verdict with its numbers, residuals, and earlier checks."""
-        return _page(self, is_drawn=True)
+        from calib.app.check_page import check_page
+
+        return check_page(self, is_drawn=True)
 
     def words(self, page: "Page | None" = None) -> "Page":
         """The same without figures."""
-        return _page(self, is_drawn=False)
+        from calib.app.check_page import check_page
+
+        return check_page(self, is_drawn=False)
 
 
 @capability
@@ -421,7 +424,7 @@ def _verdict(
         if (one := least[what]) is not None and one.visible > most:
             return (
                 "cannot say",
-                f"no change is seen, but {_visible(one)} would not be; what matters is {_short(most)} {one.unit}",
+                f"no change is seen, but {_visible(one)} would not be; what matters is {figure(most, 2)} {one.unit}",
             )
     if blind := [name for name in reference.rig.names if not any(one.camera == name for one in changes)]:
         return "cannot say", f"no photo of {', '.join(map(printable, blind))} shows the target"
@@ -430,13 +433,9 @@ def _verdict(
 
 
 def _visible(one: Change) -> str:
-    size = f"{_short(one.visible)} {one.unit}" if math.isfinite(one.visible) else "any size"
+    size = f"{figure(one.visible, 2)} {one.unit}" if math.isfinite(one.visible) else "any size"
     word = {"focal length": "a change of the focal length", "principal point": "a move of the principal point"}
     return f"{word.get(one.what, 'a ' + one.what)} of {size}"
-
-
-def _short(value: float) -> str:
-    return figure(value, 2)
 
 
 def _change_of(one: "DriftHypothesis") -> Change:
@@ -463,64 +462,3 @@ def _cause_text(test: "DriftTest", one: "DriftHypothesis") -> str:
         "principal point": f"the principal point{of} moved by {size}", "turn": f"{name} was turned by {size}",
         "shift": f"{name} was shifted by {size}", "size": f"the target is larger than its file says by {size}",
     }[one.what]  # fmt: skip
-
-
-def _page(found: CameraCheck, *, is_drawn: bool) -> "Page":
-    """The verdict first."""
-    from designer.page.blocks import Facts, Finding, Findings, Headline, Page, Section
-    from designer.page.folders import Shown, notes, table_of
-
-    level: Level = {"yes": "good", "no": "bad", "cannot say": "usable"}[found.verdict]  # type: ignore[assignment]
-    chance = f"p {'< 1e-6' if found.p < 1e-6 else f'= {figure(found.p, 2)}'}, an alarm below {found.false_alarms:g}"
-    chance = f" ({chance})" if math.isfinite(found.p) else ""
-    headline = Headline(level, found.verdict, f"{found.reason[:1].upper()}{found.reason[1:]}{chance}.")
-    named = f": {', '.join(map(printable, found.photos[:MOST_NAMED]))}" if found.photos else ""
-    more = len(found.photos) - MOST_NAMED
-    facts = Facts((
-        ("checked", printable(found.checked)),
-        ("photos", f"{len(found.photos)} counted{named}{f' and {more} more' if more > 0 else ''}"),
-    ))  # fmt: skip
-    blocks = list["Block"]()
-    of = {(one.camera, one.what): one for one in found.changes}
-    if found.changes:
-        columns = [Shown[str]("camera", printable)]
-        for what in (what for what in TOLD if any(one.what == what for one in found.changes)):
-            columns.append(Shown[str](what, partial(_cell, of, what, is_least=False)))
-            columns.append(Shown[str]("seen from", partial(_cell, of, what, is_least=True)))
-        note = "Each change as if it were the only one; seen from: found with 95 %."
-        blocks.append(table_of(dict.fromkeys(one.camera for one in found.changes), *columns, note=note))
-    if found.left_out:
-        rows = [Finding("usable", printable(one.frame), f"left out: {printable(one.reason)}") for one in found.left_out]
-        blocks.append(Findings(tuple(rows)))
-    figures = _figures(found) if is_drawn else []
-    return Page(
-        "", "", headline, (Section("What the photos say", (*blocks, *notes(found.remarks), *figures)),), lead=(facts,)
-    )  # fmt: skip
-
-
-def _cell(of: Mapping[tuple[str, str], Change], what: str, camera: str, *, is_least: bool) -> str:
-    one = of.get((camera, what))
-    if one is None or not math.isfinite(one.visible if is_least else one.size_sigma):
-        return "not told"
-    return f"{_short(one.visible)} {one.unit}" if is_least else one.text
-
-
-def _figures(found: CameraCheck) -> "list[Figure]":
-    """Residuals by the cameras of the file, and earlier checks."""
-    import numpy as np
-
-    from calib.app.check_history import history_figures
-    from calib.draw.fields import residuals_drawing
-    from calib.draw.style import figure_of
-    from calib.solver.metrics.residual_cells import Residuals
-
-    figures = list["Figure"]()
-    names = list(dict.fromkeys(one.camera for one in found.changes))
-    if found.test is not None:
-        each = zip(found.image_sizes, found.test.center_px, found.test.residual_px, strict=True)
-        for name, (size, place, off) in zip(names, [one for one in each if len(one[1])][:MOST_FIGURES], strict=False):
-            residuals = Residuals(size, place, off, np.zeros((0, 2)))
-            drawing = residuals_drawing(residuals, float(np.sqrt((off**2).sum(axis=1).mean())))
-            title = f"{printable(name)}: residuals by the file" if len(names) > 1 else "Residuals by the file"
-            figures.append(figure_of(replace(drawing, title=title)))
-    return [*figures, *history_figures(found.history)]

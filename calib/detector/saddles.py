@@ -89,7 +89,7 @@ def find_saddles(grey: NDArray[np.uint8]) -> Saddles:
     # Around it the brightness crosses that of the middle four times, where the edges are.
     angle = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
     around = center[:, None] + AROUND_PX * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    level = _levels(soft, around) - _levels(soft, center)[:, None]
+    level = levels_at(soft, around) - levels_at(soft, center)[:, None]
     after = np.roll(level, -1, axis=1)
     crosses = (level > 0) != (after > 0)
     (four,) = np.nonzero(crosses.sum(axis=1) == 4)
@@ -108,13 +108,13 @@ def _softened(grey: NDArray[np.uint8], sigma_px: float) -> NDArray[np.float32]:
     return np.asarray(cv2.GaussianBlur(grey.astype(np.float32), (0, 0), sigma_px), dtype=np.float32)
 
 
-def _levels(image: NDArray[np.float32], at: Array) -> Array:
-    """Brightness at places.  # (..., 2) -> (...)"""
+def levels_at(image: NDArray[np.generic], at: Array) -> Array:
+    """Brightness at places, between pixels by the four around.  # (..., 2) -> (...)"""
     flat = at.reshape(-1, 2).astype(np.float32)
     if not len(flat):
         return np.zeros(at.shape[:-1])
     found = [
-        cv2.remap(image, part[:, :1], part[:, 1:], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[:, 0]
+        cv2.remap(image, part[None, :, 0], part[None, :, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[0]
         for part in np.array_split(flat, len(flat) // 30_000 + 1)
     ]
     return np.concatenate(found).astype(np.float64).reshape(at.shape[:-1])
@@ -153,7 +153,7 @@ def _neighbours(grey: NDArray[np.uint8], saddles: Saddles) -> tuple[Rows, Rows]:
         side = np.stack([-step[:, 1], step[:, 0]], axis=1) / length[row, other, None]
         side *= np.clip(0.2 * length[row, other, None], 1.5, AROUND_PX)
         at = saddles.center_px[row, None] + step[:, None] * np.array([0.3, 0.5, 0.7])[:, None]
-        across = _levels(soft, at + side[:, None]) - _levels(soft, at - side[:, None])
+        across = levels_at(soft, at + side[:, None]) - levels_at(soft, at - side[:, None])
         across *= np.where(color[row, way], -1.0, 1.0)[:, None]
         # A saddle that is none may lie between: the nearest good one is taken.
         good = across.min(axis=1) > LEAST_EDGE * np.minimum(saddles.contrast[row], saddles.contrast[other])

@@ -1,17 +1,27 @@
 """What photos are held against that tell whether cameras changed: a calibration, or a file that states less."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib.cameras.camera import Camera
 from calib.cameras.rig import ALONE, POSE, Rig, rig_of_one
 from calib.core.types import Observations, RigObservations, keep_sightings, without_empty_views
-from calib.judge.drift import Reference
 from calib.rigs.result import RigCalibration
 from calib.solver.calibration import Calibration
 from designer.base.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """What cameras are said to be, and what else their calibration knows of their photos."""
+
+    rig: Rig  # with the covariance that its file states, if it does
+    photo_covariance: Array | None = None  # (N, N) of what errors do that a single photo's centres share
+    field_px: Array | None = None  # (C,) of what is fixed in the image and no lens of the model follows
+    scale: Array | None = None  # (C,) noise of its photos, in standard deviations that are stated
+    photos: RigObservations | None = None  # that it was solved from
 
 
 def of_one_camera(seen: Observations) -> RigObservations:

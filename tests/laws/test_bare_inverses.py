@@ -39,7 +39,7 @@ ALLOWED = {
     "calib/rigs/pose_pairs.py _fitted": "variances kept from nothing by a prior, as is the normal matrix",
     "calib/rigs/accuracy.py shared_inverse": "what cannot be inverted is caught, and said to be undetermined",
     "calib/rigs/robot_readings.py _ways": "a normal matrix with more on its diagonal",
-    "calib/judge/drift.py _Photos.odd_frame": "one plus a covariance",
+    "calib/judge/photo_scores.py PhotoScores.odd_frame": "one plus a covariance",
     "calib/judge/drift.py _in_standard": "one plus covariances",
     "calib/judge/reading.py _own_centres": "a shortest solution, which any photo has",
     "calib/rigs/motion.py Motion.speed_covariance": "a Gram matrix with the poses' noise on its diagonal",

@@ -97,7 +97,7 @@ class FileLens:
 
 def only_read(*_: object) -> NoReturn:
     """What writes files of a format that are only read."""
-    raise NotImplementedError
+    raise TypeError("a format that is only read has no files to write")
 
 
 @dataclass(frozen=True, kw_only=True)

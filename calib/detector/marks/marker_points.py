@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.core import homography
 from calib.detector.place import nearest_rows
+from calib.detector.saddles import levels_at
 from designer.base.arrays import Array, Flags, Rows
 
 ANCHORS = 12
@@ -134,15 +134,8 @@ def _looked_at(
 
 def _levels(pixels: NDArray[np.uint8], at: Array) -> Array:
     """Grey levels at places, nan outside.  # (N, T, S, 2) -> (N, T, S)"""
-    flat = at.reshape(-1, at.shape[2], 2).astype(np.float32)
-    found = np.concatenate(
-        [
-            cv2.remap(pixels, part[..., 0], part[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-            for part in np.array_split(flat, -(-len(flat) // 20_000))
-        ]
-    )
-    inside = ((flat >= 0) & (flat <= np.array([pixels.shape[1] - 1, pixels.shape[0] - 1]))).all(axis=2)
-    return np.where(inside, found, np.nan).reshape(at.shape[:3])
+    inside = ((at >= 0) & (at <= np.array(pixels.shape[::-1]) - 1)).all(axis=-1)
+    return np.where(inside, levels_at(pixels, at), np.nan)
 
 
 def _fits_neighbours(place: Array, pixel: Array, step_mm: float) -> Flags:
