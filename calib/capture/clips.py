@@ -117,11 +117,7 @@ def clips_of_rig(given: RigInput, target: TargetGeometry, progress: Progress) ->
         stamped = with_stamps(asked, read_stamps(given.times, asked))
         start_s = {one.camera: one.time_s or 0.0 for one in stamped}
     found = photos_of_clips({one.camera: one.path for one in asked}, target, progress, start_s)
-    photos = [
-        RigPhoto(name, one.path, time_s=one.time_s, opened=one.opened)
-        for name, own in found.of.items()
-        for one in own.values()
-    ]
+    photos = [RigPhoto.taken(name, photo) for name, own in found.of.items() for photo in own.values()]
     joined = joined_by_time(photos, given.tolerance_s or 0.5 * STEP_S)
     return replace(joined, remarks=(*found.remarks, *joined.remarks))
 

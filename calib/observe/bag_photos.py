@@ -166,9 +166,8 @@ def rig_photos_in(argument: str, topics: Sequence[str], tolerance_s: float) -> R
     photos, row_of = list[RigPhoto](), dict[Path, tuple[int, int]]()
     for number, (name, images) in enumerate(zip(names, each.values(), strict=True)):
         for row in range(len(images.places)):
-            photo = images.photo(row)
-            photos.append(RigPhoto(name, photo.path, time_s=photo.time_s, opened=photo.opened))
-            row_of[photo.path] = number, row
+            photos.append(RigPhoto.taken(name, images.photo(row)))
+            row_of[photos[-1].path] = number, row
     joined = joined_by_time(photos, tolerance_s)
     rows = {name: [-1] * len(each) for name in joined.frame_names}
     for taken in joined.photos:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from calib.core.csv_table import CsvTable, column_fault, column_names, read_table, read_text
 from calib.images.photo import Photo
-from calib.observe.photos import find_photos, images_in, in_order, not_read_in, photos_of_arrays
+from calib.observe.photos import PhotoFile, find_photos, images_in, in_order, not_read_in, photos_of_arrays
 from calib.observe.rig_observations import SEEN, TIME, require_names, some, time_stamps
 from designer.base.errors import InputError
 from designer.base.words import shown
@@ -37,6 +37,16 @@ class RigPhoto:
     frame: str = ""  # photos of one frame were taken at once; "": not joined yet
     time_s: float | None = None  # its time stamp
     opened: Callable[[], Photo] | None = None  # reads what is no file, as that of `calib.observe.photos.PhotoFile`
+
+    @classmethod
+    def taken(cls, camera: str, photo: PhotoFile, frame: str = "") -> "RigPhoto":
+        """A photo, as one that a camera took."""
+        return cls(camera, photo.path, frame, photo.time_s, photo.opened)
+
+    @property
+    def file(self) -> PhotoFile:
+        """The photo as it is searched, whoever took it."""
+        return PhotoFile(self.path, time_s=self.time_s, opened=self.opened)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 from calib.cameras.rig import ALONE
 from calib.core.csv_table import stamps_s
 from calib.core.types import RigObservations
-from calib.observe.photos import FoundPhotos, PhotoFile, named_photos
+from calib.observe.photos import FoundPhotos, named_photos
 from calib.observe.rig_photos import RigPhoto, RigPhotos, framed
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError, NoAnswerError
@@ -155,7 +155,7 @@ def photos_of_rig(given: RigInput) -> RigPhotos:
 def photos_of_one(photos: FoundPhotos) -> RigPhotos:
     """The photos of a camera that is solved as a rig is: each is a frame."""
     named = named_photos(photos.photos)
-    taken = tuple(RigPhoto(ALONE, one.path, one.name, one.time_s, one.opened) for one in named)
+    taken = tuple(RigPhoto.taken(ALONE, one, one.name) for one in named)
     return RigPhotos(taken, tuple(one.frame for one in taken), (*photos.remarks, *photos.failures))
 
 
@@ -185,8 +185,7 @@ def search_cameras(
         def told(what: str, done: float, total: int, of: str = _named(photos, name, " {}")) -> None:
             progress(what + of, done, total)
 
-        own = tuple(PhotoFile(one.path, time_s=one.time_s, opened=one.opened) for one in photos.of(name))
-        files, _ = with_truth(FoundPhotos(own), None)
+        files, _ = with_truth(FoundPhotos(tuple(photo.file for photo in photos.of(name))), None)
         search = PhotoSearch(target, files, None, jobs, told)
         searches.append(search.twice(plan_of(name))[0] if plan_of and name not in lenses else search.once(lenses[name]))
     return RigSearch(target, photos, tuple(searches))
