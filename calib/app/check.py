@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from calib.cameras.camera import Camera
     from calib.cameras.rig import Rig
     from calib.core.types import Detections, Observations, RigObservations
-    from calib.judge.drift import DriftHypothesis, DriftTest, LeftOut, Reference
+    from calib.judge.drift import DriftHypothesis, DriftTest, LeftOut
+    from calib.judge.reference import Reference
     from calib.observe.photos import Search
     from calib.rigs.result import RigCalibration
     from calib.solver.calibration import Calibration, PlaneBend

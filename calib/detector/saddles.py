@@ -108,7 +108,7 @@ def _softened(grey: NDArray[np.uint8], sigma_px: float) -> NDArray[np.float32]:
     return np.asarray(cv2.GaussianBlur(grey.astype(np.float32), (0, 0), sigma_px), dtype=np.float32)
 
 
-def levels_at(image: NDArray[np.generic], at: Array) -> Array:
+def levels_at(image: NDArray[np.uint8] | NDArray[np.float32], at: Array) -> Array:
     """Brightness at places, between pixels by the four around.  # (..., 2) -> (...)"""
     flat = at.reshape(-1, 2).astype(np.float32)
     if not len(flat):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from calib.core.types import Observations, RigObservations, keep_views
-from calib.judge.drift import DriftTest, Reference, drift_test
-from calib.judge.reference import of_one_camera, reference_of
+from calib.judge.drift import DriftTest, drift_test
+from calib.judge.reference import Reference, of_one_camera, reference_of
 from tests.support import drift_scenes, rig_views, solver_scenes
 from tests.support.drift_scenes import CAMERA, photos_of, scaled
 
