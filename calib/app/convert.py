@@ -23,9 +23,10 @@ from designer.page.result import Result
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.cameras.camera import Camera
-    from calib.cameras.formats.format import CameraFormat, RigFormat
+    from calib.cameras.formats.format import CameraFormat
     from calib.cameras.formats.holding import Held
     from calib.cameras.formats.reading import OpenedCamera, OpenedRig
+    from calib.cameras.formats.rig_format import RigFormat
     from calib.cameras.refit import Refit
     from calib.cameras.rig import Rig
     from designer.base.files import JsonValue
@@ -84,7 +85,8 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
         Raises:
             InputError: the format is no text.
         """
-        from calib.cameras.formats.format import CameraFormat, WrittenRig
+        from calib.cameras.formats.format import CameraFormat
+        from calib.cameras.formats.rig_format import WrittenRig
 
         if isinstance(self.format, CameraFormat):
             if self.format.files is not None:
@@ -375,7 +377,7 @@ def _name(key: str, name: str) -> dict[str, str]:
 
 def _is_folder(target: "CameraFormat | RigFormat") -> bool:
     """Whether a format has several files."""
-    from calib.cameras.formats.format import RigFormat
+    from calib.cameras.formats.rig_format import RigFormat
 
     return isinstance(target, RigFormat) and target.is_folder
 

@@ -12,7 +12,7 @@ from designer.page.terminal import quoted
 
 if TYPE_CHECKING:
     from calib.app.convert import Conversion
-    from calib.cameras.formats.format import RigFormat
+    from calib.cameras.formats.rig_format import RigFormat
 
 
 def conversion_page(made: "Conversion") -> Page:

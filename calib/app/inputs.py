@@ -311,8 +311,8 @@ def rig_of(rig: "Rig | Place") -> "Rig":
 
 def opened_rig(rig: "Rig") -> "OpenedRig":
     """A rig that comes from no file, with the kind that is ours."""
-    from calib.cameras.formats.format import ReadRig
     from calib.cameras.formats.reading import OpenedRig
+    from calib.cameras.formats.rig_format import ReadRig
 
     return OpenedRig(RIG_FORMATS[OWN], ReadRig(rig, (None,) * len(rig.cameras)))
 

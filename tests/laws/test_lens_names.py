@@ -8,9 +8,9 @@ import pytest
 
 from calib.cameras import ABILITIES
 from calib.cameras.formats import FORMATS, RIG_FORMATS
-from calib.cameras.formats.format import RigFiles
 from calib.cameras.formats.lens_names import model_named, names_lens
 from calib.cameras.formats.reading import open_camera
+from calib.cameras.formats.rig_format import RigFiles
 from designer.base.errors import InputError
 from tests.support.foreign_cameras import lens_camera, text_of
 

@@ -7,8 +7,9 @@ import numpy as np
 
 from calib.cameras.camera import Camera
 from calib.cameras.formats import RIG_FORMATS
-from calib.cameras.formats.format import FileLens, RigFiles, WrittenRig
+from calib.cameras.formats.format import FileLens
 from calib.cameras.formats.holding import fit_to_format
+from calib.cameras.formats.rig_format import RigFiles, WrittenRig
 from calib.cameras.rig import Rig
 from calib.core.se3 import exp_rotation, look_at, make_pose, transform
 from designer.base.arrays import Array

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from calib.core.registry import Registry
 
 if TYPE_CHECKING:
-    from calib.cameras.formats.format import CameraFormat, RigFormat
+    from calib.cameras.formats.format import CameraFormat
+    from calib.cameras.formats.rig_format import RigFormat
 
 NAMES = [
     *("json", "photonvision", "gyroflow", "nerfstudio", "depthai", "realsense", "orbslam", "vins", "matlab"),

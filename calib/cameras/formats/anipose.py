@@ -14,10 +14,11 @@ import numpy as np
 
 from calib.cameras.camera import Camera
 from calib.cameras.formats import FORMATS
-from calib.cameras.formats.format import FileLens, ReadCamera, ReadRig, RigFiles, RigFormat, WrittenRig, assembled
+from calib.cameras.formats.format import FileLens, ReadCamera
 from calib.cameras.formats.lens_names import named_lens
 from calib.cameras.formats.opencv import COUNTS, WIDE, camera_by_name, data_of, linear_part, matrix_numbers
 from calib.cameras.formats.parsing import image_size, mapping, matrix_pose, real, required, unit_said, vector_pose
+from calib.cameras.formats.rig_format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
 from calib.core.se3 import log_rotation
 from designer.base.arrays import Array
 from designer.base.errors import InputError
@@ -107,7 +108,6 @@ def read_rig(files: RigFiles) -> ReadRig:
 
 RIG_FORMAT = RigFormat(
     name="anipose",
-    title="Anipose calibration",
     file_name="calibration.toml",
     opens_with='in Python: aniposelib.cameras.CameraGroup.load("{file}")',
     cameras=replace(FORMATS["opencv"], title="Anipose calibration", lenses=LENSES),
@@ -115,4 +115,5 @@ RIG_FORMAT = RigFormat(
     write=write_rig,
     read=read_rig,
     recognised=re.compile(r"\A(?=(?s:.*?)^matrix\s*=)(?=(?s:.*?)^rotation\s*=)(?!(?s:.*?)^\[cameras\.)", re.MULTILINE),
+    has_own_unit=False,
 )

@@ -10,11 +10,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from calib.cameras.formats.format import CameraFormat, ReadCamera, ReadRig, RigFiles, RigFormat, assembled, left_over
+from calib.cameras.formats.format import CameraFormat, ReadCamera, left_over
 from calib.cameras.formats.lens import brown_camera
 from calib.cameras.formats.metashape import CORNER
 from calib.cameras.formats.opencv import matrix_numbers
 from calib.cameras.formats.parsing import json_object, mapping, number, numbers, pick, pose_of, required, shown_plain
+from calib.cameras.formats.rig_format import ReadRig, RigFiles, RigFormat, assembled
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 
@@ -107,13 +108,4 @@ def _pose(values: Mapping[str, object], files: RigFiles) -> Array:
     return pose_of(np.reshape(turn, (3, 3)), shift, files.unit, f"{files.origin}: Rt")
 
 
-RIG_FORMAT = RigFormat(
-    name="azure_kinect",
-    title="Azure Kinect calibration",
-    file_name="azure_kinect.json",
-    cameras=FORMAT,
-    unit="m",
-    read=read_rig,
-    recognised=FORMAT.recognised,
-    has_own_unit=True,
-)
+RIG_FORMAT = RigFormat(cameras=FORMAT, unit="m", read=read_rig, recognised=FORMAT.recognised)

@@ -76,10 +76,7 @@ def read(text: str, origin: str, name: str | None = None) -> ReadCamera:
 
 def _camera(given: Mapping[str, object], size: tuple[int, int], origin: str) -> ReadCamera:
     kind = required(given, ("camera_type",), origin)
-    lens = lens_named(LENSES, kind) if isinstance(kind, str) else None
-    if lens is None:
-        known = ", ".join(one.name for one in LENSES if one.is_written)
-        raise InputError(f"{origin}: camera_type {shown_plain(kind)}: not supported; in Basalt use one of {known}")
+    lens = lens_named(LENSES, kind, f"camera_type {shown_plain(kind)}", origin, "in Basalt use one of")
     require_agreement(given, lens.model, origin, "camera_type")
     values = mapping(required(given, ("intrinsics",), origin), "intrinsics", origin)
     found = [number(required(values, (name,), origin), name, origin) for name in lens.names]

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from calib.cameras.formats import FORMATS
 from calib.cameras.formats.anipose import LENSES, camera_lines, parse_toml, read_camera_table
-from calib.cameras.formats.format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
 from calib.cameras.formats.parsing import mapping
+from calib.cameras.formats.rig_format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
 from designer.base.errors import InputError
 
 
@@ -49,7 +49,6 @@ def read_rig(files: RigFiles) -> ReadRig:
 
 RIG_FORMAT = RigFormat(
     name="caliscope",
-    title="Caliscope camera array",
     file_name="camera_array.toml",
     opens_with="put it in the folder of a Caliscope project, as camera_array.toml",
     cameras=replace(FORMATS["opencv"], title="Caliscope camera array", lenses=LENSES),
@@ -57,6 +56,5 @@ RIG_FORMAT = RigFormat(
     write=write_rig,
     read=read_rig,
     recognised=re.compile(r"^\[cameras\.", re.MULTILINE),
-    has_own_unit=True,
     words=numbered,
 )

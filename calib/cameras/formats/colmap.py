@@ -16,16 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.cameras.camera import Camera
-from calib.cameras.formats.format import (
-    CameraFormat,
-    FileLens,
-    ReadCamera,
-    ReadRig,
-    RigFiles,
-    RigFormat,
-    WrittenRig,
-    assembled,
-)
+from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera
 from calib.cameras.formats.lens import lens_camera, lens_named
 from calib.cameras.formats.parsing import (
     UNIT_WORDS,
@@ -39,6 +30,7 @@ from calib.cameras.formats.parsing import (
     required,
     unit_said,
 )
+from calib.cameras.formats.rig_format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
 from calib.core.se3 import quaternion_wxyz
 from designer.base.arrays import Array
 from designer.base.errors import InputError
@@ -150,10 +142,7 @@ def read_words(words: list[str], origin: str) -> ReadCamera:
     """The camera of a line's words."""
     if len(words) < 4:
         raise InputError(f"{origin}: must be CAMERA_ID MODEL WIDTH HEIGHT PARAMS")
-    lens = lens_named(LENSES, words[1])
-    if lens is None:
-        known = ", ".join(one.name for one in LENSES if one.is_written)
-        raise InputError(f"{origin}: camera model {shown(words[1])}: not supported; in COLMAP use one of {known}")
+    lens = lens_named(LENSES, words[1], f"camera model {shown(words[1])}", origin, "in COLMAP use one of")
     if len(words) != 4 + len(lens.names):
         raise InputError(
             f"{origin}: {lens.name} has {len(words) - 4} parameters; it must have {len(lens.names)}: {lens.numbers}"
@@ -293,7 +282,6 @@ def _of_model(files: RigFiles, lines: Mapping[str, ReadCamera]) -> ReadRig:
 
 
 RIG_FORMAT = RigFormat(
-    name="colmap",
     title="COLMAP rig",
     file_name="colmap",
     opens_with="colmap rig_configurator --database_path DATABASE --rig_config_path {file}/rig_config.json",
@@ -305,4 +293,5 @@ RIG_FORMAT = RigFormat(
     patterns=(CONFIG, RIGS, CAMERAS),
     needed=(CONFIG, RIGS),
     keeps_frame=False,
+    has_own_unit=False,
 )

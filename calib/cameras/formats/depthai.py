@@ -11,20 +11,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from calib.cameras.camera import Camera
-from calib.cameras.formats.format import (
-    CameraFormat,
-    FileLens,
-    ReadCamera,
-    ReadRig,
-    RigFiles,
-    RigFormat,
-    WrittenRig,
-    assembled,
-    left_over,
-)
+from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera, left_over
 from calib.cameras.formats.lens_names import NamedLens
 from calib.cameras.formats.opencv import camera_of, matrix_numbers
 from calib.cameras.formats.parsing import image_size, json_object, mapping, number, pick, pose_of, required, shown_plain
+from calib.cameras.formats.rig_format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
 from calib.core.se3 import compose, invert
 from designer.base.arrays import Array
 from designer.base.errors import InputError
@@ -211,9 +202,6 @@ def _link(name: str, values: Mapping[str, object], origin: str) -> tuple[str, st
 
 
 RIG_FORMAT = RigFormat(
-    name="depthai",
-    title="DepthAI calibration",
-    file_name="oak_calibration.json",
     opens_with=FORMAT.opens_with,
     cameras=FORMAT,
     unit="cm",
@@ -222,6 +210,5 @@ RIG_FORMAT = RigFormat(
     recognised=re.compile(rf'"{CAMERAS}"\s*:(?s:.*?)"toCameraSocket"\s*:\s*[0-9]'),
     most=len(SOCKETS),
     keeps_frame=False,
-    has_own_unit=True,
     words=sockets,
 )

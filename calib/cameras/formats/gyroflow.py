@@ -8,6 +8,7 @@ import re
 
 from calib.cameras.camera import Camera
 from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera, left_over, told
+from calib.cameras.formats.lens import lens_named
 from calib.cameras.formats.lens_names import NamedLens
 from calib.cameras.formats.opencv import camera_of
 from calib.cameras.formats.parsing import image_size, json_object, mapping, number, required, shown_plain
@@ -62,12 +63,7 @@ def read(text: str, origin: str, _: str | None = None) -> ReadCamera:
     """The camera in a text."""
     values = json_object(text, origin)
     said = values.get("distortion_model") or LENSES[0].name
-    lens = next((one for one in LENSES if one.name == said), None)
-    if lens is None:
-        raise InputError(
-            f"{origin}: distortion_model {shown_plain(said)}: not supported; "
-            f"there are {', '.join(one.name for one in LENSES)}"
-        )
+    lens = lens_named(LENSES, said, f"distortion_model {shown_plain(said)}", origin)
     for key in ("input_horizontal_stretch", "input_vertical_stretch"):
         if number(values.get(key) or 1.0, key, origin) != 1:
             raise InputError(f"{origin}: {key} is {shown_plain(values[key])}: a stretched picture is not supported")

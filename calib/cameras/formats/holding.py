@@ -13,7 +13,8 @@ import numpy as np
 from calib.cameras import ABILITIES, LINEAR, fitted_models, parameter_names, rays
 from calib.cameras.camera import Camera
 from calib.cameras.formats import OWN
-from calib.cameras.formats.format import CameraFormat, FileLens, RigFormat
+from calib.cameras.formats.format import CameraFormat, FileLens
+from calib.cameras.formats.rig_format import RigFormat
 from calib.cameras.refit import FOCAL_AND_CENTRE, Refit, image_grid, in_other_words, refit
 from calib.cameras.rig import Rig
 from calib.core.se3 import compose, make_pose

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from calib.cameras.camera import CAMERA, Camera, camera_of, camera_to_json
-from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera, ReadRig, RigFiles, RigFormat, WrittenRig
+from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera
+from calib.cameras.formats.rig_format import ReadRig, RigFiles, RigFormat, WrittenRig
 from calib.cameras.rig import RIG
 from designer.base.arrays import Array
 from designer.base.errors import InputError
@@ -74,7 +75,6 @@ def covariance_fault(matrix: Array) -> str | None:
 
 
 RIG_FORMAT = RigFormat(
-    name="json",
     title="rig.json",
     file_name="rig.json",
     opens_with='in Python: calib.load_rig("{file}").cam_from_rig',
@@ -83,5 +83,4 @@ RIG_FORMAT = RigFormat(
     write=write_rig,
     read=read_rig,
     recognised=re.compile(rf'\A\s*\{{\s*"format"\s*:\s*"{re.escape(RIG.format)}"'),
-    has_own_unit=True,
 )

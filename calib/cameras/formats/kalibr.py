@@ -12,16 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from calib.cameras.camera import Camera
-from calib.cameras.formats.format import (
-    CameraFormat,
-    FileLens,
-    ReadCamera,
-    ReadRig,
-    RigFiles,
-    RigFormat,
-    WrittenRig,
-    assembled,
-)
+from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera
 from calib.cameras.formats.lens import brown, fit_foreign, inverse_of, lens_camera, lens_named, slopes_of
 from calib.cameras.formats.lens_names import model_named, require_agreement
 from calib.cameras.formats.parsing import (
@@ -35,6 +26,7 @@ from calib.cameras.formats.parsing import (
     required,
     shown_plain,
 )
+from calib.cameras.formats.rig_format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
 from calib.core.se3 import compose, invert
 from designer.base.arrays import Array
 from designer.base.errors import InputError
@@ -100,11 +92,8 @@ def read_entry(values: Mapping[str, object], origin: str) -> ReadCamera:
     models = [required(values, (key,), origin) for key in ("camera_model", "distortion_model")]
     words = [one if isinstance(one, str) else "" for one in models]
     words = [words[0], OURS.get(model_named(words[1]) or "", words[1])]
-    lens = lens_named(LENSES, "-".join(words))
-    if lens is None:
-        known = ", ".join(one.name for one in LENSES if one.is_written)
-        found = " and ".join(map(shown_plain, models))
-        raise InputError(f"{origin}: camera_model and distortion_model {found}: not supported; calibrate with {known}")
+    said = f"camera_model and distortion_model {' and '.join(map(shown_plain, models))}"
+    lens = lens_named(LENSES, "-".join(words), said, origin, "calibrate with")
     require_agreement(values, lens.model, origin, "camera_model", "distortion_model")
     size = image_size(required(values, ("resolution",), origin), origin)
     count = DISTORTED[words[1]]
@@ -212,9 +201,6 @@ def _names(entries: list[Mapping[str, object]], keys: list[str]) -> tuple[str, .
 
 
 RIG_FORMAT = RigFormat(
-    name="kalibr",
-    title="Kalibr camchain",
-    file_name="camchain.yaml",
     opens_with="kalibr_calibrate_imu_camera --cams {file} ...; set each rostopic in it to that camera's",
     cameras=FORMAT,
     unit="m",
@@ -224,5 +210,4 @@ RIG_FORMAT = RigFormat(
         rf"^\s*{FROM_BEFORE}\s*:|\A(?=(?s:.*?)^cam1\s*:)(?=(?s:.*?)^\s*{FROM_IMU}\s*:)", re.MULTILINE
     ),
     keeps_frame=False,
-    has_own_unit=True,
 )

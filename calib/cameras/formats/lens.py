@@ -81,9 +81,17 @@ def lens_camera(lens: FileLens, values: Sequence[float], image_size: tuple[int, 
     return ReadCamera((in_other_words(camera, PLAINER[model]) if model in PLAINER else None) or camera)
 
 
-def lens_named(lenses: Sequence[FileLens], name: str) -> FileLens | None:
-    """The lens of that name, if there is one."""
-    return next((lens for lens in lenses if lens.name == name), None)
+def lens_named(lenses: Sequence[FileLens], name: object, said: str, origin: str, use: str = "there are") -> FileLens:
+    """The lens of that name.
+
+    Raises:
+        InputError: there is none; the message has what the file said, and what to use.
+    """
+    found = next((lens for lens in lenses if lens.name == name), None)
+    if found is None:
+        known = ", ".join(one.name.partition("_linearity")[0] for one in lenses if one.is_written)
+        raise InputError(f"{origin}: {said}: not supported; {use} {known}")
+    return found
 
 
 def fit_lens(

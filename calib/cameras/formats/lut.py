@@ -20,7 +20,8 @@ from scipy.sparse.linalg import splu
 
 from calib.cameras import project, rays
 from calib.cameras.camera import Camera
-from calib.cameras.formats.format import NEVER, CameraFormat, FileLens, ReadCamera
+from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera
+from calib.cameras.formats.rig_format import NEVER
 from calib.cameras.refit import Refit, image_grid
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError

@@ -17,20 +17,12 @@ from io import BytesIO
 import numpy as np
 
 from calib.cameras.camera import Camera
-from calib.cameras.formats.format import (
-    CameraFormat,
-    FileLens,
-    ReadCamera,
-    ReadRig,
-    RigFiles,
-    RigFormat,
-    WrittenRig,
-    assembled,
-)
+from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera
 from calib.cameras.formats.lens_names import NamedLens
 from calib.cameras.formats.ocamcalib import polynomial_camera
 from calib.cameras.formats.opencv import camera_by_name, linear_part, matrix_numbers
 from calib.cameras.formats.parsing import image_size, json_object, mapping, pick, pose_of, required
+from calib.cameras.formats.rig_format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
 from designer.base.errors import InputError
 from designer.base.file_kind import laid_out
 from designer.base.files import JsonValue
@@ -256,7 +248,6 @@ def read_rig(files: RigFiles) -> ReadRig:
 
 
 RIG_FORMAT = RigFormat(
-    name="matlab",
     title="MATLAB stereo cameras",
     file_name="stereo.mat",
     opens_with='in MATLAB: s = load("{file}"); c = ' + _OPEN.format(f"{STEREO}.{CAMERAS[0]}"),
@@ -269,4 +260,5 @@ RIG_FORMAT = RigFormat(
     most=2,
     keeps_frame=False,
     words=lambda _: CAMERAS,
+    has_own_unit=False,
 )

@@ -10,16 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from calib.cameras.camera import Camera
-from calib.cameras.formats.format import (
-    CameraFormat,
-    FileLens,
-    ReadCamera,
-    ReadRig,
-    RigFiles,
-    RigFormat,
-    WrittenRig,
-    assembled,
-)
+from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera
 from calib.cameras.formats.lens import lens_camera, lens_named
 from calib.cameras.formats.lens_names import require_agreement
 from calib.cameras.formats.mrcal_surface import (
@@ -32,6 +23,7 @@ from calib.cameras.formats.mrcal_surface import (
     surface_of,
 )
 from calib.cameras.formats.parsing import image_size, mapping, numbers, real, required, shown_plain, vector_pose
+from calib.cameras.formats.rig_format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
 from calib.core.se3 import log_rotation
 from designer.base.arrays import Array
 from designer.base.errors import InputError
@@ -104,11 +96,8 @@ def camera_of(values: Mapping[str, object], origin: str) -> ReadCamera:
         return read_surface(name, given, size, origin)
     if name == CAHVOR or name.startswith(CAHVORE):
         return read_cahvore(name, given, size, origin)
-    lens = lens_named(LENSES, name)
-    if lens is None:
-        known = ", ".join(one.name.partition("_linearity")[0] for one in LENSES)
-        hint = f"first run mrcal-convert-lensmodel with one of {known}"
-        raise InputError(f"{origin}: lens model {shown_plain(model)}: not supported; {hint}")
+    said = f"lens model {shown_plain(model)}"
+    lens = lens_named(LENSES, name, said, origin, "first run mrcal-convert-lensmodel with one of")
     require_agreement(values, lens.model, origin, *NAMES)
     return lens_camera(lens, numbers(given, "intrinsics", origin, (len(lens.names),)), size, origin)
 
@@ -180,7 +169,6 @@ def _model(text: str, unit: str, origin: str) -> tuple[ReadCamera, Array]:
 
 
 RIG_FORMAT = RigFormat(
-    name="mrcal",
     title="mrcal camera models",
     file_name="cameras",
     opens_with="mrcal-show-geometry {file}/*.cameramodel; the reference is the rig's frame",
@@ -189,5 +177,4 @@ RIG_FORMAT = RigFormat(
     write=write_rig,
     read=read_rig,
     patterns=(f"*{SUFFIX}",),
-    has_own_unit=True,
 )

@@ -64,10 +64,8 @@ def read(text: str, origin: str, name: str | None = None) -> ReadCamera:
 
 def _camera(values: Mapping[str, object], origin: str) -> ReadCamera:
     said = values.get("camera_model") or "OPENCV"
-    lens = lens_named(LENSES, ALSO.get(said, said)) if isinstance(said, str) else None
-    if lens is None:
-        known = ", ".join(one.name for one in LENSES)
-        raise InputError(f"{origin}: camera_model {shown_plain(said)}: not supported; there are {known}")
+    name = ALSO.get(said, said) if isinstance(said, str) else said
+    lens = lens_named(LENSES, name, f"camera_model {shown_plain(said)}", origin)
     size = image_size([required(values, (side,), origin) for side in "wh"], origin)
     also = {**values, "fl_y": values.get("fl_y", values.get("fl_x"))}
     fx, fy, cx, cy = (number(required(also, (key,), origin), key, origin) for key in LINEAR)

@@ -9,20 +9,12 @@ skips.
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
 from calib.cameras.camera import Camera
-from calib.cameras.formats.format import (
-    CameraFormat,
-    FileLens,
-    ReadCamera,
-    ReadRig,
-    RigFiles,
-    RigFormat,
-    WrittenRig,
-    assembled,
-)
+from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera
 from calib.cameras.formats.lens import QUICK_OF_OPENCV, SKEWED, brown_camera, fit_foreign, lens_camera
 from calib.cameras.formats.lens_names import NamedLens, mentions_lens, named_lens, names_lens
 from calib.cameras.formats.parsing import (
@@ -36,6 +28,7 @@ from calib.cameras.formats.parsing import (
     required,
     unit_said,
 )
+from calib.cameras.formats.rig_format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
 from calib.cameras.rig import rectified_pair
 from calib.core.se3 import exp_rotation, skew
 from designer.base.arrays import Array
@@ -248,19 +241,7 @@ def _both(*names: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
 MATRICES = _both("K{}", "M{}", "cameraMatrix{}", "camera_matrix_{}", "camera_matrix{}", "mtx{}")
 DISTORTIONS = _both("D{}", "distCoeffs{}", "dist_coeffs{}", "dist_coeffs_{}", "distortion_coefficients_{}", "dist{}")
 ROTATION, SHIFT = ("R", "rotation_matrix"), ("T", "translation_vector", "t")
-KEYS = (
-    *MATRICES[0],
-    *MATRICES[1],
-    *DISTORTIONS[0],
-    *DISTORTIONS[1],
-    *ROTATION,
-    *SHIFT,
-    *SIZE,
-    *NAMES,
-    *WIDES,
-    UNIT,
-    SECOND_SIZE,
-)
+KEYS = (*chain(*MATRICES, *DISTORTIONS, ROTATION, SHIFT, SIZE, NAMES, WIDES), UNIT, SECOND_SIZE)
 
 
 def write_rig(written: WrittenRig) -> Mapping[str, str]:
@@ -325,7 +306,6 @@ def _of_camera(values: Mapping[str, object], row: str) -> Mapping[str, object]:
 
 
 RIG_FORMAT = RigFormat(
-    name="opencv",
     title="OpenCV stereo YAML",
     file_name="stereo.yaml",
     opens_with='in Python: file = cv2.FileStorage("{file}", cv2.FILE_STORAGE_READ); file.getNode("P1").mat(); '
@@ -338,4 +318,5 @@ RIG_FORMAT = RigFormat(
     fewest=2,
     most=2,
     keeps_frame=False,
+    has_own_unit=False,
 )

@@ -10,18 +10,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from calib.cameras.camera import Camera
-from calib.cameras.formats.format import (
-    CameraFormat,
-    FileLens,
-    ReadCamera,
-    ReadRig,
-    RigFiles,
-    RigFormat,
-    WrittenRig,
-    assembled,
-    left_over,
-)
-from calib.cameras.formats.lens import lens_camera
+from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera, left_over
+from calib.cameras.formats.lens import lens_camera, lens_named
 from calib.cameras.formats.opencv import matrix_numbers, matrix_text
 from calib.cameras.formats.parsing import (
     image_size,
@@ -35,6 +25,7 @@ from calib.cameras.formats.parsing import (
     shift_mm,
     shown_plain,
 )
+from calib.cameras.formats.rig_format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled
 from calib.core.se3 import invert, make_pose
 from designer.base.arrays import Array
 from designer.base.errors import InputError
@@ -86,10 +77,7 @@ def _names(values: Mapping[str, object]) -> tuple[str, ...]:
 
 def _camera(values: Mapping[str, object], name: str, origin: str) -> ReadCamera:
     said = values.get("Camera.type", LENSES[0].name)
-    lens = next((one for one in (*LENSES, RECTIFIED) if one.name == said), None)
-    if lens is None:
-        known = ", ".join(one.name for one in (*LENSES, RECTIFIED))
-        raise InputError(f"{origin}: Camera.type {shown_plain(said)}: not supported; there are {known}")
+    lens = lens_named((*LENSES, RECTIFIED), said, f"Camera.type {shown_plain(said)}", origin)
     size = image_size([required(values, (f"Camera.{side}",), origin) for side in ("width", "height")], origin)
     needed = lens.names if lens.is_wide else lens.names[:4]
     each = [
@@ -158,9 +146,6 @@ def _second(values: Mapping[str, object], files: RigFiles) -> Array:
 
 
 RIG_FORMAT = RigFormat(
-    name="orbslam",
-    title="ORB-SLAM3 settings",
-    file_name="orbslam3.yaml",
     opens_with="stereo_euroc Vocabulary/ORBvoc.txt {file} ..., with these lines in place of its example's; as released "
     "it takes the first camera's distortion for both, so mend camera2DistortionCoef of its Settings.h",
     cameras=FORMAT,
@@ -171,6 +156,5 @@ RIG_FORMAT = RigFormat(
     fewest=2,
     most=2,
     keeps_frame=False,
-    has_own_unit=True,
     words=lambda _: NAMES,
 )

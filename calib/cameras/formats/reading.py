@@ -13,8 +13,9 @@ import numpy as np
 from calib.cameras import parameter_names
 from calib.cameras.camera import CAMERA, Camera, camera_or_preset
 from calib.cameras.formats import ACCEPTED_PX, FORMATS, OWN, READ_FORMATS, READ_RIG_FORMATS, RIG_FORMATS
-from calib.cameras.formats.format import CameraFormat, ReadCamera, ReadRig, RigFiles, RigFormat
+from calib.cameras.formats.format import CameraFormat, ReadCamera
 from calib.cameras.formats.parsing import UNIT_WORDS, outline, pick, unit_mm
+from calib.cameras.formats.rig_format import ReadRig, RigFiles, RigFormat
 from calib.cameras.refit import FOCAL_AND_CENTRE, Refit
 from calib.cameras.rig import ALONE, MOST_CAMERAS, RIG, Rig, rig_of_one
 from calib.core.registry import Registry

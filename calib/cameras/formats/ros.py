@@ -24,17 +24,7 @@ import numpy as np
 from calib.cameras import COMMON, LINEAR
 from calib.cameras.camera import MAX_SIDE_PX, Camera, linear_part
 from calib.cameras.formats import opencv
-from calib.cameras.formats.format import (
-    CameraFormat,
-    FileLens,
-    ReadCamera,
-    ReadRig,
-    RigFiles,
-    RigFormat,
-    WrittenRig,
-    assembled,
-    plain_words,
-)
+from calib.cameras.formats.format import CameraFormat, FileLens, ReadCamera
 from calib.cameras.formats.lens_names import mentions_lens, named_lens
 from calib.cameras.formats.opencv import matrix_numbers
 from calib.cameras.formats.parsing import (
@@ -48,6 +38,7 @@ from calib.cameras.formats.parsing import (
     required,
     roll_pitch_yaw_rad,
 )
+from calib.cameras.formats.rig_format import ReadRig, RigFiles, RigFormat, WrittenRig, assembled, plain_words
 from calib.cameras.rig import rectified_pair
 from calib.core.se3 import invert, make_pose, quaternion_wxyz
 from designer.base.arrays import Array
@@ -352,7 +343,6 @@ def _words(values: Sequence[float]) -> str:
 
 
 RIG_FORMAT = RigFormat(
-    name="ros",
     title="ROS camera_info and transforms",
     file_name="ros",
     opens_with=f"ros2 launch {{file}}/{LAUNCH}; the .yaml of each camera goes to its driver as camera_info_url",
@@ -362,5 +352,4 @@ RIG_FORMAT = RigFormat(
     read=read_rig,
     patterns=(f"*{SUFFIX}",),
     needed=(LAUNCH, f"left{SUFFIX}"),
-    has_own_unit=True,
 )

@@ -11,9 +11,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from calib.cameras.formats.format import CameraFormat, ReadCamera, ReadRig, RigFiles, RigFormat, assembled, left_over
+from calib.cameras.formats.format import CameraFormat, ReadCamera, left_over
 from calib.cameras.formats.lens import brown_camera
 from calib.cameras.formats.parsing import number, pick, required, vector_pose
+from calib.cameras.formats.rig_format import ReadRig, RigFiles, RigFormat, assembled
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 
@@ -96,12 +97,8 @@ def _right_from_left(stereo: Mapping[str, str], kind: str, origin: str) -> Array
 
 
 RIG_FORMAT = RigFormat(
-    name="zed",
-    title="ZED calibration",
-    file_name="SN1234.conf",
     cameras=FORMAT,
     unit="mm",
     read=read_rig,
     recognised=re.compile(r"^\s*\[STEREO\]\s*$(?s:.*?)^\s*Baseline\s*=", re.MULTILINE | re.IGNORECASE),
-    has_own_unit=True,
 )

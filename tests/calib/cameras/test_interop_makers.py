@@ -16,8 +16,8 @@ from scipy.io import loadmat, savemat
 import calib
 from calib.cameras.camera import Camera
 from calib.cameras.formats import ACCEPTED_PX, FORMATS, READ_FORMATS, READ_RIG_FORMATS
-from calib.cameras.formats.format import RigFiles
 from calib.cameras.formats.reading import open_camera, recognise, recognise_rig
+from calib.cameras.formats.rig_format import RigFiles
 from calib.cameras.refit import image_grid
 from calib.cameras.rig import Rig
 from calib.core.se3 import exp_rotation, make_pose
