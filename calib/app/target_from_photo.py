@@ -22,9 +22,10 @@ if TYPE_CHECKING:
     from designer.page.output import Output
     from designer.target import TargetGeometry
 
-RULER = ("square_mm", "tag_mm", "spacing", "pitch_mm", "diameter_mm")
-"""What a photo cannot tell as well as it is needed; a marker's side matters to no corner."""
-LENGTHS = (*RULER, "marker_mm", "gap_mm")
+SCALES = ("square_mm", "tag_mm", "pitch_mm")
+RULER = (*SCALES, "spacing")
+"""What a photo cannot tell as well as it is needed; a marker's side and circles' diameters matter to no point."""
+LENGTHS = (*RULER, "marker_mm", "gap_mm", "diameter_mm")
 
 
 @dataclass(frozen=True)
@@ -159,11 +160,12 @@ def _proposed(found: "BoardInPhoto", board: BoardOptions) -> ProposedBoard:
         raise InputError(f"{odd[0]}: the photo shows {marks.kind}, which has no such length; leave it out")
     known = {SAID_OTHERWISE.get(name, name) for name in given}
     missing = [name for name in RULER if name in own and name not in known]
-    sized = _with_lengths(marks, board) if "square_mm" in known or "tag_mm" in known or "pitch_mm" in known else marks
+    is_scaled = not known.isdisjoint(SCALES)
+    sized = _with_lengths(marks, board) if is_scaled else marks
     words = ["calib", "target", "--marks", marks.kind]
     for one in fields(sized):
         value = getattr(sized, one.name)
-        if one.name in missing or (one.name == "marker_mm" and "square_mm" not in known):
+        if one.name in missing or (one.name.endswith("_mm") and not is_scaled):
             words += [flags[one.name], "...mm" if one.name.endswith("_mm") else "..."]
         elif isinstance(value, bool):
             words += [(flags[one.name] if value else f"--no-{flags[one.name][2:]}")] if value != one.default else []

@@ -16,7 +16,11 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from calib.core.linear_algebra import solve_square
+from calib.detector.boards import as_bytes
+from calib.detector.marks import FINDERS
 from calib.detector.marks.chessboard import darkness, is_whole, largest, lattices_at, scales_of, turned
+from calib.detector.marks.circles import grids_in, layouts_of, named, plan_of, step_radii
+from calib.detector.marks.markers import Markers, factors, read_markers
 from designer.base.arrays import Array, Rows
 from designer.base.words import counted, with_article
 from designer.marks.aprilgrid import AprilGrid
@@ -29,16 +33,15 @@ from designer.marks.face_marks import FaceMarks
 Pixels = NDArray[np.uint8]
 LEAST_MARKERS, LEAST_AGREEING = 4, 0.8
 """Markers that make a board, and their share that its layout explains."""
-MOST_ACROSS, MOST_MARKERS = 60, 1000
+MOST_ACROSS = 60
 LEAST_CORNERS = 3
 """Of a chessboard, along a side."""
-MOST_SIDE_PX = 3000
-"""Larger photos are halved until they are smaller."""
 NEAR = 0.3
 """Of a step: a neighbour is off its place in the lattice by less."""
-BLOBS = (12, 2000)
-CHECKERED, CONTRAST = 0.9, 20.0
-"""Places in squares that must have the right shade; grey levels between a circle and its ground."""
+LEAST_CIRCLES = 3, 12
+"""Along a side, and in all."""
+CHECKERED = 0.9
+"""Places in squares that must have the right shade."""
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
@@ -53,44 +56,41 @@ class BoardInPhoto:
 
 
 @dataclass(frozen=True, eq=False)
-class _Markers:
-    """Markers of one dictionary."""
+class _Markers(Markers):
+    """Of one dictionary."""
 
     dictionary: str
     border_bits: int
-    ids: Rows  # (N,)
-    corner_px: Array  # (N, 4, 2) from the upper left one as OpenCV draws it, clockwise
 
 
-def boards_in(photo: NDArray[np.uint8] | NDArray[np.uint16]) -> tuple[BoardInPhoto, ...]:
-    """The boards that explain a photo of 8 or 16 bits, the best first; markers before squares before circles."""
-    pixels: Pixels = np.asarray(photo if photo.dtype == np.uint8 else photo // 257, dtype=np.uint8)
-    while max(pixels.shape) > MOST_SIDE_PX:
-        pixels = cv2.pyrDown(pixels).astype(np.uint8)
-    seen = tuple(_all_markers(pixels))
-    found = [board for markers in seen for board in _of_markers(markers, pixels)]
-    if found:
-        most = max(board.seen for board in found)
-        return tuple(board for board in found if board.seen >= 0.9 * most)
-    if max((len(markers.ids) for markers in seen), default=0) >= 2 * LEAST_MARKERS:
+def boards_in(photo: NDArray[np.generic]) -> tuple[BoardInPhoto, ...]:
+    """The boards that explain a photo and that their detectors find, the best first: markers, squares, circles."""
+    pixels = as_bytes(photo)
+    seen, found = list[_Markers](), list[BoardInPhoto]()
+    for factor in factors(pixels.shape):
+        seen = list(_all_markers(pixels, factor))
+        found = [board for markers in seen for board in _of_markers(markers, pixels)]
+        if found:
+            most = max(board.seen for board in found)
+            return tuple(one for one in found if one.seen >= 0.9 * most and _is_found(pixels, one.marks))
+    if max((len(markers.number) for markers in seen), default=0) >= 2 * LEAST_MARKERS:
         return ()  # of several boards, or of one that makes no sense: no chessboard for that
-    return tuple(itertools.islice(itertools.chain(_chessboard(pixels), _circles(pixels)), 1))
+    others = itertools.chain(_chessboard(pixels), _circles(pixels))
+    return tuple(itertools.islice((one for one in others if _is_found(pixels, one.marks)), 1))
 
 
-def _all_markers(pixels: Pixels) -> Iterator[_Markers]:
+def _is_found(pixels: Pixels, marks: FaceMarks) -> bool:
+    return any(len(face.row) for face in FINDERS[marks.kind](pixels, [marks]))
+
+
+def _all_markers(pixels: Pixels, factor: int) -> Iterator[_Markers]:
     """Markers of the largest dictionary of each family."""
     largest = {family_of(name): name for name in sorted(MARKERS, key=lambda name: MARKERS[name])}
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.errorCorrectionRate = 0.2
-    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     for name in largest.values():
         for bits in (1, 2) if name.startswith(TAG_TURN) else (1,):
-            parameters.markerBorderBits = bits
-            known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
-            corners, ids, _ = cv2.aruco.ArucoDetector(known, parameters).detectMarkers(pixels)
-            if ids is not None and len(ids) >= LEAST_MARKERS:
-                four = np.array(corners[:MOST_MARKERS], dtype=float).reshape(-1, 4, 2)
-                yield _Markers(name, bits, np.asarray(ids[:MOST_MARKERS], np.int64).ravel(), four)
+            read = read_markers(pixels, name, bits, factor, is_fine=True)
+            if len(read.number) >= LEAST_MARKERS:
+                yield _Markers(read.number, read.corner_px, name, bits)
 
 
 def _of_markers(markers: _Markers, pixels: Pixels) -> Iterator[BoardInPhoto]:
@@ -99,8 +99,8 @@ def _of_markers(markers: _Markers, pixels: Pixels) -> Iterator[BoardInPhoto]:
     if lattice is None:
         return
     place, rows, is_diagonal = lattice
-    kept = replace(markers, ids=markers.ids[rows], corner_px=markers.corner_px[rows])
-    if len(rows) >= LEAST_MARKERS and len(rows) >= LEAST_AGREEING * len(markers.ids):
+    kept = replace(markers, number=markers.number[rows], corner_px=markers.corner_px[rows])
+    if len(rows) >= LEAST_MARKERS and len(rows) >= LEAST_AGREEING * len(markers.number):
         yield from _charuco(kept, place, pixels) if is_diagonal else _aprilgrid(kept, place, pixels)
 
 
@@ -122,7 +122,7 @@ def _lattice(markers: _Markers) -> tuple[Rows, Rows, bool] | None:
     apart = np.einsum("nmij,nmj->nmi", both, middle[None] - middle[:, None])  # (N, N, 2) in markers' sides
     length = np.linalg.norm(apart, axis=2) + 1e9 * np.eye(len(middle))
     nearest = apart[np.arange(len(middle)), length.argmin(axis=1)]
-    slope = np.abs(nearest).min(axis=1) / np.abs(nearest).max(axis=1)
+    slope = np.abs(nearest).min(axis=1) / np.abs(nearest).max(axis=1).clip(1e-9)
     is_diagonal = bool(np.median(slope) > 0.5)
     step = float(np.median(np.abs(nearest).max(axis=1)))
     if not 1.0 < step < 4.0:
@@ -144,7 +144,7 @@ def _lattice(markers: _Markers) -> tuple[Rows, Rows, bool] | None:
 
 def _charuco(markers: _Markers, place: Rows, pixels: Pixels) -> Iterator[BoardInPhoto]:
     """ChArUco boards of which the ids make sense where the markers are."""
-    ids, at = markers.ids, place - place.min(axis=0)
+    ids, at = markers.number, place - place.min(axis=0)
     by_place = dict(zip(map(tuple, at.tolist()), ids.tolist(), strict=True))
     steps = [by_place[x, y + 2] - number for (x, y), number in by_place.items() if (x, y + 2) in by_place]
     if not steps:
@@ -177,7 +177,7 @@ def _charuco(markers: _Markers, place: Rows, pixels: Pixels) -> Iterator[BoardIn
 
 def _aprilgrid(markers: _Markers, place: Rows, pixels: Pixels) -> Iterator[BoardInPhoto]:
     """Grids of tags: which way ids go tells how the tags stand."""
-    ids, at = markers.ids, place - place.min(axis=0)
+    ids, at = markers.number, place - place.min(axis=0)
     by_place = dict(zip(map(tuple, at.tolist()), ids.tolist(), strict=True))
     right = [by_place[x + 1, y] - number for (x, y), number in by_place.items() if (x + 1, y) in by_place]
     down = [by_place[x, y + 1] - number for (x, y), number in by_place.items() if (x, y + 1) in by_place]
@@ -327,46 +327,26 @@ def _is_checkered(pixels: Pixels, corner_px: Array) -> bool:
     return bool(np.mean(is_dark == first[:, None]) > CHECKERED)
 
 
-def _is_apart(pixels: Pixels, center_px: Array, *, is_light: bool) -> bool:
-    """Whether the ground between circles is of the other shade, which it is not between rings.  # (N, 2)"""
-    apart = np.linalg.norm(center_px[None] - center_px[:, None], axis=2) + 1e9 * np.eye(len(center_px))
-    between = 0.5 * (center_px + center_px[apart.argmin(axis=1)])
-    shade = [
-        float(np.median(pixels[tuple(np.round(at).astype(int).T[::-1])].astype(float))) for at in (center_px, between)
-    ]
-    return (shade[0] > shade[1] + CONTRAST) if is_light else (shade[1] > shade[0] + CONTRAST)
-
-
 def _circles(pixels: Pixels) -> Iterator[BoardInPhoto]:
-    """The largest grid of dark or light circles."""
-    best: BoardInPhoto | None = None
+    """The largest grids of dark or light circles, as their detector finds them."""
+    found = dict[Circles, int]()
     for is_light in (False, True):
-        parameters = cv2.SimpleBlobDetector.Params()
-        parameters.blobColor, parameters.minArea = (255 if is_light else 0), 20.0
-        parameters.maxArea = pixels.size / 20
-        detector = cv2.SimpleBlobDetector.create(parameters)
-        count = len(detector.detect(pixels))
-        if not BLOBS[0] <= count <= BLOBS[1]:
-            continue
-        sizes = sorted(
-            ((columns, rows, way) for columns in range(3, 25) for rows in range(3, 25) for way in (False, True)
-             if 0.7 * count <= columns * rows <= count and (way or columns >= rows)),
-            key=lambda size: -size[0] * size[1],
+        for candidates, grids in grids_in(np.asarray(cv2.bitwise_not(pixels)) if is_light else pixels):
+            for grid in grids:
+                for marks in layouts_of(grid, step_radii(candidates, grid)):
+                    naming, _ = named(candidates, grid, plan_of(marks))
+                    if (
+                        naming is not None
+                        and min(marks.circles) >= LEAST_CIRCLES[0]
+                        and len(naming.ring) >= LEAST_CIRCLES[1]
+                    ):
+                        seen = replace(marks, light=is_light)
+                        found[seen] = max(found.get(seen, 0), len(naming.ring))
+    for marks in sorted(found, key=lambda one: -found[one]):
+        way = "asymmetric" if marks.asymmetric else "symmetric"
+        yield BoardInPhoto(
+            marks, found[marks],
+            (f"{marks.circles[0]} x {marks.circles[1]} circles are seen in {with_article(way)} grid",),
+            ("circles: more, if the photo does not show all",
+             f"their diameter is {marks.diameter_mm:.2f} of their distance in a row, to some percent"),
         )  # fmt: skip
-        for columns, rows, is_asymmetric in sizes:
-            if best is not None and columns * rows <= best.seen:
-                break
-            flags = cv2.CALIB_CB_ASYMMETRIC_GRID if is_asymmetric else cv2.CALIB_CB_SYMMETRIC_GRID
-            is_found, centers = cv2.findCirclesGrid(
-                pixels, (columns, rows), flags=flags | cv2.CALIB_CB_CLUSTERING, blobDetector=detector
-            )
-            if is_found and _is_apart(pixels, np.asarray(centers, dtype=float).reshape(-1, 2), is_light=is_light):
-                marks = Circles((columns, rows), 1.0, 0.5, asymmetric=is_asymmetric, light=is_light)
-                way = "asymmetric" if is_asymmetric else "symmetric"
-                best = BoardInPhoto(
-                    marks, columns * rows, (f"{columns} x {rows} circles are seen in {with_article(way)} grid",),
-                    ("circles: more, if the photo does not show all", "their diameter"),
-                )  # fmt: skip
-                break
-    if best is not None:
-        yield best

@@ -261,7 +261,9 @@ def _grow_all(
     return grid_of, index, turn
 
 
-def grow_grids(candidates: Candidates, lattice: Lattice, *, across_gaps: bool, smallest: int = 3) -> tuple[Grid, ...]:
+def grow_grids(
+    candidates: Candidates, lattice: Lattice, *, across_gaps: bool, smallest: int = 3, is_scaled: bool = False
+) -> tuple[Grid, ...]:
     """All grids of at least `smallest` candidates, the largest first. Seeds are rings; any candidate may join.
 
     Args:
@@ -270,6 +272,7 @@ def grow_grids(candidates: Candidates, lattice: Lattice, *, across_gaps: bool, s
         across_gaps: whether a grid may step over one missing feature inside the same white region. On a solid it may
             not: its lattice can go on beyond an edge as if unfolded, with just one row missing.
         smallest: the least number of members.
+        is_scaled: whether the lattice's steps were measured in this image.
     """
     if candidates.count < 2:
         return ()
@@ -280,7 +283,7 @@ def grow_grids(candidates: Candidates, lattice: Lattice, *, across_gaps: bool, s
         candidates.region,
         seeds,
         lattice.move,
-        _pitch_scale(candidates, lattice) * lattice.move_in_radii,
+        (1.0 if is_scaled else _pitch_scale(candidates, lattice)) * lattice.move_in_radii,
         smallest,
         2 if across_gaps else 1,
     )

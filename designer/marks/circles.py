@@ -1,5 +1,6 @@
 """A grid of circles, symmetric or asymmetric, as OpenCV has it."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -24,9 +25,13 @@ class Circles(FaceMarks):
 
     def __post_init__(self) -> None:
         check_marks(self.circles, (2, 2), "circles", steps=self.pitch_mm, circles=self.diameter_mm)
-        nearest = self.pitch_mm / np.sqrt(2) if self.asymmetric else self.pitch_mm
-        if self.diameter_mm >= nearest:
+        if self.diameter_mm >= (nearest := self.nearest_mm):
             raise ValueError(f"circles of {self.diameter_mm:g} mm must be smaller than their distance, {nearest:g} mm")
+
+    @property
+    def nearest_mm(self) -> float:
+        """From circle to circle."""
+        return self.pitch_mm / math.sqrt(2) if self.asymmetric else self.pitch_mm
 
     @property
     def index(self) -> Rows:
@@ -51,8 +56,7 @@ class Circles(FaceMarks):
     @property
     def least_mm(self) -> float:
         """Of a circle, and of the white between two."""
-        nearest = self.pitch_mm / np.sqrt(2) if self.asymmetric else self.pitch_mm
-        return float(min(self.diameter_mm, nearest - self.diameter_mm))
+        return min(self.diameter_mm, self.nearest_mm - self.diameter_mm)
 
     @property
     def words(self) -> str:

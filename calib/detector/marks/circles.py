@@ -4,7 +4,8 @@ Circles carry no names: what a grid's outermost rows and columns are has to be s
 of rings' targets are, with the vanishing line that the grid gives: they are images of the centres, not of ellipses.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -14,8 +15,8 @@ from numpy.typing import NDArray
 
 from calib.core import homography
 from calib.detector.borders import reduced, reduction, thresholds
-from calib.detector.candidates import Candidates, find_candidates, merged
-from calib.detector.grid import Grid, Lattice, grow_grids, lattice_from
+from calib.detector.candidates import Candidates, find_candidates, merged, plane_offset
+from calib.detector.grid import Grid, grow_grids, lattice_from
 from calib.detector.marks import FoundFace
 from calib.detector.marks.markers import INVERTED, MIRRORED
 from calib.detector.measure import measure
@@ -24,11 +25,13 @@ from calib.detector.plan import TargetPlan, plan_for
 from calib.detector.ring_marks import zone_levels
 from designer.base.arrays import Array, Rows
 from designer.marks.circles import Circles
-from designer.marks.face_marks import FaceMarks
+from designer.marks.face_marks import MOST_ACROSS, FaceMarks
 from designer.target import target_of_marks
 
 ANY_RATIO = 0.5
-"""Of circles: light on them, or a hole in them, is no matter."""
+"""Of circles: light on some, or a hole in them, is no matter."""
+CONTRAST = 20.0
+"""Grey levels of 256 between circles and the ground between them, which of rings are alike."""
 LEAST_SIDE_PX, SMALLEST = 16, 6
 STRANGE = 2
 """So many circles more may stand on the lattice, beside it: clutter."""
@@ -37,7 +40,17 @@ CLEAR = 2
 SHOWN = 0.5
 """Least share of each outermost row and column."""
 WORTH_A_WORD = 12
+SAMPLES, MOST_STEPS, SAME = 300, 3, 0.12
+"""Circles that tell steps, steps that are tried, and logarithms of steps that are one."""
+TOUCHING, FARTHEST, ALIKE = 2.0, 20.0, 2.0
+"""Radii from circle to circle, and their areas' ratio."""
+OTHER_WIDTH, WIDEST = 1.15, 0.95
+"""Circles that much wider or narrower than told, which exposure may make a little; of the way to the next one."""
 AMBIGUOUS = "ambiguous orientation (these circles look the same turned): the most upright one is taken"
+
+
+SQUARE = lattice_from(np.diag([1.0, -1.0]), 1.0)
+"""Of neighbours, columns to the right and rows down; of asymmetric grids these lie aslant."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +59,6 @@ class CirclePlan:
 
     marks: Circles
     plan: TargetPlan
-    lattice: Lattice  # on which each place has a circle
     index_from_lattice: Rows  # (2, 2)
     table: Array  # (I, J) 1 where the grid has a circle
 
@@ -54,15 +66,80 @@ class CirclePlan:
 @lru_cache(maxsize=64)
 def plan_of(marks: Circles) -> CirclePlan:
     """The plan of a grid."""
-    step = marks.pitch_mm / 2 if marks.asymmetric else marks.pitch_mm
     # Circles of an asymmetric grid stand along the diagonals of its half steps.
     index_from_lattice = np.array([[1, -1], [1, 1]]) if marks.asymmetric else np.eye(2, dtype=np.int64)
-    nearest = step * float(np.linalg.norm(index_from_lattice[:, 0]))
-    target = target_of_marks([marks], np.eye(4)[None], nearest / 2 - marks.radius_mm)
+    target = target_of_marks([marks], np.eye(4)[None], marks.nearest_mm / 2 - marks.radius_mm)
     table = np.zeros(marks.index.max(axis=0) + 1)
     table[marks.index[:, 0], marks.index[:, 1]] = 1
-    steps = index_from_lattice.T * np.array([step, -step])
-    return CirclePlan(marks, plan_for(target), lattice_from(steps, marks.radius_mm), index_from_lattice, table)
+    return CirclePlan(marks, plan_for(target), index_from_lattice, table)
+
+
+def grids_in(pixels: NDArray[np.generic]) -> Iterator[tuple[Candidates, tuple[Grid, ...]]]:
+    """All dark circles on square lattices, by one threshold after the other, for each step that many circles have."""
+    if min(pixels.shape) < LEAST_SIDE_PX:
+        return
+    factor = reduction((pixels.shape[0], pixels.shape[1]))
+    grey = reduced(pixels, factor)
+    candidates: Candidates | None = None
+    for threshold in thresholds(grey):
+        more = find_candidates(grey, threshold, factor, 0, ANY_RATIO)
+        # All may begin a grid, and a gap may be in any of them.
+        more = replace(more, ratio=np.full(more.count, ANY_RATIO), region=np.zeros(more.count, np.int64))
+        candidates = more if candidates is None else merged(candidates, more)
+        for step in _usual_steps(candidates):
+            lattice = replace(SQUARE, move_in_radii=step * SQUARE.move_in_radii)
+            grids = grow_grids(candidates, lattice, across_gaps=True, smallest=SMALLEST, is_scaled=True)
+            yield candidates, tuple(grid for grid in grids if _is_on_ground(grey, factor, candidates, grid))
+
+
+def _usual_steps(candidates: Candidates) -> Iterator[float]:
+    """From circle to circle in radii, where many circles have the same; the commonest first."""
+    best = np.argsort(candidates.misfit_px / candidates.radius_px, kind="stable")[:SAMPLES]
+    if len(best) < SMALLEST:
+        return
+    e, area = candidates.ellipse[best], candidates.radius_px**2
+    offset = candidates.ellipse[None, :, :2] - e[:, None, :2]
+    away = np.hypot(e[:, 2, None] * offset[..., 0], e[:, 3, None] * offset[..., 0] + e[:, 4, None] * offset[..., 1])
+    share = area / area[best, None]
+    away[(away < TOUCHING) | (share < 1 / ALIKE) | (share > ALIKE)] = np.inf
+    # The nearest neighbour errs low, the next one high.
+    step = np.log(np.partition(away, 1, axis=1)[:, :2].mean(axis=1))
+    step = np.sort(step[step < np.log(FARTHEST)])
+    for _ in range(MOST_STEPS):
+        inside = np.abs(step[:, None] - step) < SAME
+        if not len(step) or (most := inside.sum(axis=1)).max() < SMALLEST:
+            return
+        usual = float(np.median(step[inside[most.argmax()]]))
+        yield float(np.exp(usual))
+        step = step[np.abs(step - usual) > 2 * SAME]
+
+
+def _neighbours(candidates: Candidates, grid: Grid) -> tuple[Array, Array]:
+    """Ellipses of neighbouring circles of a grid.  # (P, 5), (P, 5)"""
+    at = grid.index - grid.index.min(axis=0)
+    row = np.full(np.ptp(grid.index, axis=0) + 1, -1)
+    row[tuple(at.T)] = grid.row
+    pairs = np.hstack([[row[1:].ravel(), row[:-1].ravel()], [row[:, 1:].ravel(), row[:, :-1].ravel()]])
+    here, there = candidates.ellipse[pairs[:, (pairs >= 0).all(axis=0)]]
+    return here, there
+
+
+def _is_on_ground(grey: NDArray[np.uint8], factor: int, candidates: Candidates, grid: Grid) -> bool:
+    """Whether the ground between circles is lighter, as between rings or their centres it is not."""
+    here, there = _neighbours(candidates, grid)
+    if not len(here):
+        return False
+    at = np.stack([here[:, :2], 0.5 * (here[:, :2] + there[:, :2])])
+    u, v = np.moveaxis(np.round((at + 0.5) / factor - 0.5).astype(np.int64), -1, 0)
+    level = np.median(grey[v.clip(0, len(grey) - 1), u.clip(0, grey.shape[1] - 1)], axis=1)
+    return bool(level[1] > level[0] + CONTRAST)
+
+
+def step_radii(candidates: Candidates, grid: Grid) -> float:
+    """From circle to circle of a grid in radii, in the plane around them."""
+    here, there = _neighbours(candidates, grid)
+    offset = there[:, :2] - here[:, :2]
+    return float(np.median([np.linalg.norm(plane_offset(one[:, 2:], offset), axis=1) for one in (here, there)]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +171,10 @@ def fits_of(grid: Grid, plan: CirclePlan, turns: Rows) -> tuple[GridFit, ...]:
 
 def named(candidates: Candidates, grid: Grid, plan: CirclePlan) -> tuple[Naming | None, tuple[str, ...]]:
     """Which circles of a board the members of a grid are, or why that is not told."""
-    fits, count = fits_of(grid, plan, plan.lattice.turns), len(plan.marks.index)
+    fits, count = fits_of(grid, plan, SQUARE.turns), len(plan.marks.index)
     best, alike = fits[0], plan.marks.alike
     # An odd number of rows looks in a mirror as if turned by half a turn.
-    if plan.marks.asymmetric and fits_of(grid, plan, plan.lattice.mirrors)[0].hits >= best.hits + CLEAR:
+    if plan.marks.asymmetric and fits_of(grid, plan, SQUARE.mirrors)[0].hits >= best.hits + CLEAR:
         return None, (MIRRORED,)
     rest = fits[alike].hits if len(fits) > alike else 0
     is_clear = len(grid.row) - best.hits <= STRANGE and rest <= best.hits - CLEAR
@@ -143,32 +220,60 @@ def _uprightness(candidates: Candidates, naming: Naming, marks: Circles) -> floa
     return float((beside - middle)[0] / np.linalg.norm(beside - middle))
 
 
+def layouts_of(grid: Grid, step: float = FARTHEST) -> Mapping[Circles, int]:
+    """What a grid may be, circles in a row 1 mm apart, with how many places of it and circles do not fit each other.
+
+    `step` is from circle to circle in radii.
+    """
+    across, half = _extent(grid.index), _extent(grid.index @ np.array([[1, 1], [-1, 1]]))
+    found = dict[Circles, int]()
+    # Along the diagonals rows of an asymmetric grid are.
+    for columns, rows, is_aslant in ((*across, False), (half[0] // 2, half[1], True), (half[1] // 2, half[0], True)):
+        if 2 <= min(columns, rows) <= max(columns, rows) <= MOST_ACROSS:
+            size = (columns, rows) if is_aslant else (max(columns, rows), min(columns, rows))
+            nearest = math.sqrt(0.5) if is_aslant else 1.0
+            marks = Circles(size, 1.0, round(min(2 / step, WIDEST), 2) * nearest, asymmetric=is_aslant)
+            hits = fits_of(grid, plan_of(marks), SQUARE.turns)[0].hits
+            found[marks] = len(grid.row) + columns * rows - 2 * hits
+    return found
+
+
+def _extent(index: Rows) -> tuple[int, int]:
+    """Columns and rows, without those at the ends that hold few circles, which are clutter."""
+    ends = []
+    for at in (index - index.min(axis=0)).T:
+        count = np.bincount(at)
+        full = np.flatnonzero(count >= SHOWN * np.median(count[count > 0]))
+        ends.append(int(full[-1] - full[0] + 1))
+    return ends[0], ends[1]
+
+
 def _size_words(grid: Grid, plan: CirclePlan) -> tuple[str, ...]:
     """What a grid is that is not the target's, or not all of it."""
     if len(grid.row) < WORTH_A_WORD:
         return ()
-    told = plan.marks
-    across = np.ptp(grid.index, axis=0) + 1
-    # Along the diagonals, where rows of an asymmetric grid are.
-    half = np.ptp(grid.index @ np.array([[1, 1], [-1, 1]]), axis=0) + 1
-    sizes = [(False, across[0], across[1]), (True, half[0] // 2, half[1]), (True, half[1] // 2, half[0])]
-    mine, count = (told.asymmetric, *told.circles), len(grid.row)
-    # Of the target cut somewhere rather than of another board.
-    is_half, *seen = min(sizes, key=lambda size: abs(size[1] * size[2] - count) - (size == mine) * count / 5)
+    told, layouts = plan.marks, layouts_of(grid)
+
+    def misfit(one: Circles) -> float:
+        # Of the target cut somewhere rather than of another board.
+        is_same = (one.asymmetric, one.circles) == (told.asymmetric, told.circles)
+        return layouts[one] - is_same * len(grid.row) / 5
+
+    best = min(layouts, key=misfit, default=told)
+    is_half = best.asymmetric
     # Of an asymmetric grid it matters which are the rows.
-    seen, wanted = [int(side) for side in seen], list(told.circles)
     seen, wanted = (
-        one if keep else sorted(one, reverse=True) for one, keep in ((seen, is_half), (wanted, told.asymmetric))
+        one.circles if is_aslant else sorted(one.circles, reverse=True)
+        for one, is_aslant in ((best, is_half), (told, told.asymmetric))
     )
-    kind = "an asymmetric" if is_half else "a symmetric"
+    kind, own = ("an asymmetric" if is_aslant else "a symmetric" for is_aslant in (is_half, told.asymmetric))
     words = f"{kind} grid of {seen[0]} x {seen[1]} circles is seen"
     if is_half == told.asymmetric and all(a <= b for a, b in zip(seen, wanted, strict=True)):
-        words += " in part" if seen == wanted else f" of {wanted[0]} x {wanted[1]}"
+        words += " in part" if list(seen) == list(wanted) else f" of {wanted[0]} x {wanted[1]}"
         return (
             f"{words}: all rows and columns must be in view, or the target is another"
             f"{'' if is_half else ', such as an asymmetric grid: two of these, one in the gaps of the other'}",
         )
-    own = "an asymmetric" if told.asymmetric else "a symmetric"
     return (f"{words}, the target is {own} one of {wanted[0]} x {wanted[1]}: make the target as it was printed",)
 
 
@@ -176,10 +281,10 @@ def find(pixels: NDArray[np.uint8], faces: Sequence[FaceMarks]) -> tuple[FoundFa
     """The grids that a photo shows, measured; see `calib.detector.marks.Finder`."""
     circles = [marks for marks in faces if isinstance(marks, Circles)]
     found = _find_all(pixels, circles)
-    if not found:
-        other = _find_all(np.asarray(cv2.bitwise_not(pixels)), circles)
-        found = tuple(replace(one, remarks=(INVERTED, *one.remarks)) for one in other if len(one.row))
-    return found
+    if any(len(one.row) for one in found):
+        return found
+    other = _find_all(np.asarray(cv2.bitwise_not(pixels)), circles)
+    return tuple(replace(one, remarks=(INVERTED, *one.remarks)) for one in other if len(one.row)) or found
 
 
 def _find_all(pixels: NDArray[np.uint8], circles: Sequence[Circles]) -> tuple[FoundFace, ...]:
@@ -201,38 +306,35 @@ def _nothing(face: int, *remarks: str) -> FoundFace:
 
 def _find(pixels: NDArray[np.generic], marks: Circles, face: int) -> list[FoundFace]:
     """By one threshold after the other, until all circles are named."""
-    if min(pixels.shape) < LEAST_SIDE_PX:
-        return []
     plan = plan_of(marks)
-    factor = reduction((pixels.shape[0], pixels.shape[1]))
-    grey = reduced(pixels, factor)
-    candidates: Candidates | None = None
-    best: tuple[int, Candidates, Naming, tuple[str, ...]] | None = None
+    best: tuple[Candidates, Grid, Naming, tuple[str, ...]] | None = None
     remarks: tuple[str, ...] = ()
-    for threshold in thresholds(grey):
-        more = find_candidates(grey, threshold, factor, 0, ANY_RATIO)
-        # All may begin a grid, and a gap may be in any of them.
-        more = Candidates(more.ellipse, np.full(more.count, ANY_RATIO), np.zeros(more.count, np.int64), more.misfit_px)
-        candidates = more if candidates is None else merged(candidates, more)
-        grids = grow_grids(candidates, plan.lattice, across_gaps=True, smallest=SMALLEST)
+    for candidates, grids in grids_in(pixels):
         whole = []
         for grid in grids:
             naming, words = named(candidates, grid, plan)
             if naming is not None:
-                whole.append((len(naming.ring), candidates, naming, words))
+                whole.append((candidates, grid, naming, words))
             elif not remarks:
                 remarks = words
         if len(whole) > 1:
             return [
                 _nothing(face, f"two grids of {marks.circles[0]} x {marks.circles[1]} circles are in view: cover one")
             ]
-        if whole and (best is None or whole[0][0] > best[0]):
+        if whole and (best is None or len(whole[0][2].ring) > len(best[2].ring)):
             best = whole[0]
-        if best is not None and best[0] == len(marks.index):
+        if best is not None and len(best[2].ring) == len(marks.index):
             break
     if best is None:
         return [_nothing(face, *remarks)] if remarks else []
-    return [_measured(pixels, plan.plan, best[1], best[2], face, best[3])]
+    candidates, grid, naming, words = best
+    share = 2 * marks.nearest_mm / step_radii(candidates, grid) / marks.diameter_mm
+    if not 1 / OTHER_WIDTH < share < OTHER_WIDTH:
+        # Rounded, for photos of one board to share a plan.
+        wide = min(round(share * marks.diameter_mm / marks.nearest_mm, 2), WIDEST) * marks.nearest_mm
+        words = (*words, f"circles look {wide:.3g} mm wide, not {marks.diameter_mm:g}: they are measured as they look")
+        plan = plan_of(replace(marks, diameter_mm=wide))
+    return [_measured(pixels, plan.plan, candidates, naming, face, words)]
 
 
 def _measured(

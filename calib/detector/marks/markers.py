@@ -68,12 +68,20 @@ class MarkedFace:
 
 
 def read_markers(
-    pixels: NDArray[np.uint8], dictionary: str, border_bits: int, factor: int = 1, most: int | None = None
+    pixels: NDArray[np.uint8],
+    dictionary: str,
+    border_bits: int,
+    factor: int = 1,
+    most: int | None = None,
+    *,
+    is_fine: bool = False,
 ) -> Markers:
-    """The markers of a dictionary, or of its first ones, in an image that is reduced by a factor first."""
-    corners, numbers, _ = _detector(pixels.shape, factor, dictionary, border_bits, most).detectMarkers(
-        _reduced(pixels, factor)
-    )
+    """The markers of a dictionary, or of its first ones, in an image that is reduced by a factor first.
+
+    Their corners are good to a pixel or two; if asked for, to some tenths.
+    """
+    detector = _detector(pixels.shape, factor, dictionary, border_bits, most, is_fine=is_fine)
+    corners, numbers, _ = detector.detectMarkers(_reduced(pixels, factor))
     if numbers is None or not len(numbers):
         return Markers(np.zeros(0, dtype=np.int64), np.zeros((0, 4, 2)))
     corner = (np.array(corners, dtype=np.float64).reshape(-1, 4, 2) + 0.5) * factor - 0.5
@@ -82,9 +90,11 @@ def read_markers(
 
 
 def _detector(
-    shape: tuple[int, ...], factor: int, dictionary: str, border_bits: int, most: int | None
+    shape: tuple[int, ...], factor: int, dictionary: str, border_bits: int, most: int | None, *, is_fine: bool = False
 ) -> cv2.aruco.ArucoDetector:
     parameters = cv2.aruco.DetectorParameters()
+    if is_fine:
+        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     parameters.markerBorderBits = border_bits
     parameters.minMarkerPerimeterRate = 4 * SHORTEST_PX * factor / max(shape)
     known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
@@ -247,7 +257,7 @@ def _nothing(face: int, *remarks: str) -> FoundFace:
     return FoundFace(face, np.zeros(0, dtype=np.int64), np.zeros((0, 2)), remarks)
 
 
-def _factors(shape: tuple[int, ...]) -> Iterator[int]:
+def factors(shape: tuple[int, ...]) -> Iterator[int]:
     """Whole factors by which a photo is reduced, one after the other."""
     whole = shape[0] * shape[1]
     factor = 1
@@ -262,7 +272,7 @@ def _factors(shape: tuple[int, ...]) -> Iterator[int]:
 def _find_as_is(pixels: NDArray[np.uint8], faces: Sequence[MarkedFace]) -> tuple[FoundFace, ...]:
     """In the image as it is: smaller markers are looked for only where none is sound."""
     records: list[FoundFace] = []
-    for factor in _factors(pixels.shape) if min(pixels.shape) >= 4 * SHORTEST_PX else ():
+    for factor in factors(pixels.shape) if min(pixels.shape) >= 4 * SHORTEST_PX else ():
         told = [marked.told for marked in faces]
         kinds = {(one.dictionary, one.border_bits) for one in told}
         # Some more than there are, to see that a board is larger: all of a thousand would take ten times as long.

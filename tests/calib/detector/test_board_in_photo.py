@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import fields, replace
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -10,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.detector.board_in_photo import boards_in
+from calib.detector.marks import FINDERS
 from designer.marks.aprilgrid import AprilGrid
 from designer.marks.charuco import Charuco
 from designer.marks.circles import Circles
@@ -49,6 +51,14 @@ def photo_of(marks: FaceMarks, angle_deg: float = 160.0, rows_cut: int = 0) -> N
     return np.clip(30 + 0.8 * cv2.GaussianBlur(photo, (0, 0), 0.8) + noise, 0, 255).astype(np.uint8)
 
 
+@cache
+def proposed_of(name: str) -> tuple[NDArray[np.uint8], FaceMarks]:
+    """A photo of a board, and the one board that it tells."""
+    photo = photo_of(SEEN[name])
+    (found,) = boards_in(photo)
+    return photo, found.marks
+
+
 def layout(marks: FaceMarks) -> dict[str, object]:
     """All but lengths."""
     return {one.name: getattr(marks, one.name) for one in fields(marks) if not one.name.endswith(("_mm", "spacing"))}
@@ -57,13 +67,26 @@ def layout(marks: FaceMarks) -> dict[str, object]:
 @pytest.mark.parametrize("name", SEEN)
 def test_a_photo_tells_the_layout(name: str) -> None:
     """Kind, dictionary, ids, columns and rows, border, and how tags stand, of a board that is turned and aslant."""
-    (found,) = boards_in(photo_of(SEEN[name]))
-    assert layout(found.marks) == layout(SEEN[name])
-    truth = SEEN[name]
-    if isinstance(truth, Charuco) and isinstance(found.marks, Charuco):
-        assert found.marks.marker_mm == pytest.approx(truth.marker_mm / truth.square_mm, rel=0.03)
-    if isinstance(truth, AprilGrid) and isinstance(found.marks, AprilGrid):
-        assert found.marks.spacing == pytest.approx(truth.spacing, abs=0.04)
+    (_, found), truth = proposed_of(name), SEEN[name]
+    assert layout(found) == layout(truth)
+    if isinstance(truth, Charuco) and isinstance(found, Charuco):
+        assert found.marker_mm == pytest.approx(truth.marker_mm / truth.square_mm, rel=0.03)
+    if isinstance(truth, AprilGrid) and isinstance(found, AprilGrid):
+        assert found.spacing == pytest.approx(truth.spacing, abs=0.04)
+    if isinstance(truth, Circles) and isinstance(found, Circles):
+        assert found.diameter_mm == pytest.approx(truth.diameter_mm / truth.pitch_mm, rel=0.08)
+
+
+@pytest.mark.parametrize("name", SEEN)
+def test_what_is_proposed_is_found(name: str) -> None:
+    """The detector names the same points at the same places by what a photo proposed as by what was printed."""
+    photo, proposed = proposed_of(name)
+    (found,), (wanted,) = (FINDERS[one.kind](photo, [one]) for one in (proposed, SEEN[name]))
+    assert len(found.row) >= 0.9 * len(SEEN[name].index)
+    both, of_found, of_wanted = np.intersect1d(found.row, wanted.row, return_indices=True)
+    assert len(both) >= 0.97 * len(wanted.row)
+    assert np.abs(found.near_px[of_found] - wanted.near_px[of_wanted]).max() < 1
+    assert {*found.remarks} == {*wanted.remarks}
 
 
 def test_what_two_boards_explain_is_told_twice() -> None:

@@ -98,6 +98,27 @@ def test_a_cover_hides_what_is_under_it() -> None:
     assert "all rows and columns must be in view" in told(view_of(SYMMETRIC, 30, aside=0.75).image, SYMMETRIC)
 
 
+@pytest.mark.parametrize("told_mm", [5.0, 19.0])
+def test_another_diameter_is_measured_and_said(told_mm: float) -> None:
+    """Circles narrower or wider than told are found, measured as they look, and lose nothing by it."""
+    view = view_of(SYMMETRIC, 45)
+    (found,) = find(view.image, replace(SYMMETRIC, diameter_mm=told_mm))
+    assert len(found.row) == 35
+    assert np.sqrt(((found.near_px - view.center_px[found.row]) ** 2).mean()) < 0.02
+    assert f"mm wide, not {told_mm:g}" in found.remarks[1]
+    assert float(found.remarks[1].split()[2]) == pytest.approx(SYMMETRIC.diameter_mm, rel=0.05)
+
+
+def test_rings_are_no_circles() -> None:
+    """Neither a grid of them is named, nor their light centres."""
+    flat = np.full((480, 640), 230, np.uint8)
+    for column, row in SYMMETRIC.index.tolist():
+        for radius, level in ((30, 20), (14, 230)):
+            cv2.circle(flat, (80 + 80 * column, 80 + 80 * row), radius, level, -1, cv2.LINE_AA)
+    for marks in (SYMMETRIC, replace(SYMMETRIC, light=True)):
+        assert told(flat, marks) == ""
+
+
 def test_other_grids_are_told() -> None:
     """What is seen, where it is not the target's; and never one of two."""
     seen = view_of(SYMMETRIC, 30).image
