@@ -105,34 +105,27 @@ class CameraModel(Protocol):
     @property
     def name(self) -> str:
         """The model's name in files."""
-        ...
 
     @property
     def remedy(self) -> str:
         """What to do about light that the model cannot show, because it comes from too far off the axis."""
-        ...
 
     @property
     def parameters(self) -> "tuple[LensParameter, ...]":
         """What `Camera.params` holds, in its order; the first four are fx, fy, cx, cy in px."""
-        ...
 
     @property
     def opencv_lens(self) -> tuple[str, ...] | None:
         """The parameters as OpenCV's functions take them, k1 k2 p1 p2 k3 ...; () without a lens; None: another lens."""
-        ...
 
     def rays(self, camera: "Camera", pixel: "Array") -> "Array":
         """Unit directions (..., 3) of the light that reaches pixels (..., 2); nan where there is none."""
-        ...
 
     def project(self, camera: "Camera", point: "Array") -> "Array":
         """Pixels (..., 2) of points (..., 3) in the camera frame; nan behind the camera or outside the model."""
-        ...
 
     def linearise(self, camera: "Camera", point: "Array") -> "Linearised":
         """Pixels of points (3, N), coordinate by coordinate, with their derivatives; nan where `project` has it."""
-        ...
 
 
 MODELS: Registry[CameraModel] = Registry(__name__, "MODEL", ABILITIES)

@@ -28,29 +28,11 @@ def freeze(value: object, *names: str, dtype: type[np.generic] = np.float64) -> 
 
 
 LEAST_RADIUS_PX = 5.0
-
-
 """Of a ring that faces the camera, for the detector; turned away it is flatter, and the detector wants 5 px across."""
-
-
 Mark = Literal["dot", "ring", "unreadable"]
-
-
-TOO_FLAT = "seen too small or too flat"
-
-
-OUTSIDE = "outside the image"
-
-
-CUT_OFF = "cut by the image's edge"
-
-
+TOO_FLAT, OUTSIDE, CUT_OFF = "seen too small or too flat", "outside the image", "cut by the image's edge"
 NOT_MEASURABLE = (TOO_FLAT, OUTSIDE, CUT_OFF)
-
-
 """Why features are missing that no camera could have measured from there."""
-
-
 UNMEASURABLE_WORDS = f"{TOO_FLAT}, outside the image or cut by its edge"
 
 

@@ -23,7 +23,7 @@ from calib.cameras.camera import Camera
 from calib.cameras.surface import surface_model
 from calib.core.linear_algebra import least_squares
 from calib.core.se3 import log_rotation
-from calib.core.types import KnownPoints, Observations, freeze
+from calib.core.types import LEAST_POINTS, KnownPoints, Observations, freeze
 from calib.solver.priors import ParameterPrior
 from calib.solver.problem import Prior, prior_of
 from designer.base.arrays import Array, Flags
@@ -36,7 +36,6 @@ from designer.tolerance.sources import SOURCES
 
 FLAT, THIN = 0.05, 1e-3
 """Of the points' extent: what is off their plane by less is a flat target, bent or not; thinner points are a line."""
-LEAST_POINTS = 4
 TERMS = 5
 SURELY_BENT = 3.0
 """Standard deviations."""

@@ -9,21 +9,20 @@ large would the errors be? Parts go together, so what they cost does not add up.
 A rig as it might be: with more frames, other baselines, another camera. Budgets of it tell what that would buy.
 """
 
-import csv
-import io
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib.cameras.rig import Rig
+from calib.core.csv_table import csv_bytes
 from calib.core.linear_algebra import least_squares, symmetric_inverse
 from calib.core.se3 import make_pose, rotation_between, skew
 from calib.core.types import freeze
 from calib.space.propagate import (
     NOT_KNOWN,
     PointErrors,
-    Propagated,
+    PointSpread,
     Rays,
     calibration_factor,
     errors_of,
@@ -56,30 +55,15 @@ AS_NOTHING = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class Expected:
+class Expected(PointSpread):
     """Errors that are to be expected at N points of a rig's frame."""
 
     point_mm: Array  # (N, 3)
     cameras: Rows  # (N,) how many see it
-    noise_mm2: Array  # (N, 3, 3) by the pixels
-    by_calibration: Array | None  # (N, 3, R) by each of the rig's independent errors, of size one; None: not known
 
     def __post_init__(self) -> None:
         freeze(self, "point_mm", "noise_mm2", "by_calibration")
         freeze(self, "cameras", dtype=np.int64)
-
-    @property
-    def calibration_mm2(self) -> Array | None:
-        """By the rig's own errors.  # (N, 3, 3)"""
-        if self.by_calibration is None:
-            return None
-        return self.by_calibration @ self.by_calibration.transpose(0, 2, 1)
-
-    @property
-    def covariance_mm2(self) -> Array:
-        """By all that is known.  # (N, 3, 3)"""
-        shared = self.calibration_mm2
-        return self.noise_mm2 if shared is None else self.noise_mm2 + shared
 
 
 @dataclass(frozen=True)
@@ -103,10 +87,10 @@ def expected_errors(rig: Rig, point_mm: Array, noise_px: Array, seen_by: int = 2
     if spread.by_calibration is not None:
         moved = np.full((count, *spread.by_calibration.shape[1:]), np.nan)
         moved[use] = spread.by_calibration
-    return Expected(point_mm, seen.sum(axis=1), noise, moved)
+    return Expected(noise, moved, point_mm, seen.sum(axis=1))
 
 
-def _propagated(rig: Rig, point_mm: Array, seen: Flags, noise_px: Array) -> Propagated:
+def _propagated(rig: Rig, point_mm: Array, seen: Flags, noise_px: Array) -> PointSpread:
     """Errors of points (N, 3) from the cameras that see them (N, C)."""
     place, camera = np.nonzero(seen)
     rays = Rays(len(point_mm), camera, place, np.eye(2) / noise_px[camera, None, None])
@@ -138,18 +122,10 @@ def over_volume(
     points, factor = every[both if both.any() else seen], calibration_factor(rig)
     most = MOST_POINTS if factor is None else min(MOST_POINTS, MOST_NUMBERS // (3 * max(factor.shape[1], 1)))
     expected = expected_errors(rig, points[:: -(-len(points) // most)], noise_px, seen_by)
-    known = np.asarray(np.isfinite(expected.noise_mm2).all(axis=(1, 2)))
-    return _kept(expected, known), float(seen.mean())
-
-
-def _kept(expected: Expected, keep: Flags) -> Expected:
-    moved = expected.by_calibration
-    return Expected(
-        expected.point_mm[keep],
-        expected.cameras[keep],
-        expected.noise_mm2[keep],
-        None if moved is None else moved[keep],
-    )
+    known, moved = np.isfinite(expected.noise_mm2).all(axis=(1, 2)), expected.by_calibration
+    moved = None if moved is None else moved[known]
+    kept = Expected(expected.noise_mm2[known], moved, expected.point_mm[known], expected.cameras[known])
+    return kept, float(seen.mean())
 
 
 def without_rigid_motion(point_mm: Array, by_calibration: Array, sigma_mm: Array) -> Array:
@@ -251,10 +227,6 @@ def share_not_measured(rig: Rig, expected: Expected) -> float:
 
 def grid_csv(expected: Expected, shape_mm: Array) -> bytes:
     """The lattice of the volume as a table, a line a point; what is not known is empty."""
-    stream = io.StringIO(newline="")
-    stream.writelines(f"{line}\n" for line in EXPLAINED)
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(COLUMNS)
     shared = expected.calibration_mm2
     shared = np.full_like(expected.noise_mm2, np.nan) if shared is None else shared
     parts = (expected.covariance_mm2, expected.noise_mm2, shared)
@@ -264,9 +236,8 @@ def grid_csv(expected: Expected, shape_mm: Array) -> bytes:
         expected.point_mm, expected.cameras, *(rms_error_mm(part) for part in parts), shape,
         *(part[:, upper[0], upper[1]] for part in parts),
     ])  # fmt: skip
-    for row in numbers.tolist():
-        writer.writerow([f"{value:.9g}" if np.isfinite(value) else "" for value in row])
-    return stream.getvalue().encode()
+    rows = ([f"{value:.9g}" if np.isfinite(value) else "" for value in row] for row in numbers.tolist())
+    return csv_bytes(EXPLAINED, COLUMNS, rows)
 
 
 def shape_errors(expected: Expected) -> PointErrors:

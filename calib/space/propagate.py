@@ -149,12 +149,11 @@ class Rays:
 
 
 @dataclass(frozen=True, eq=False)
-class Propagated:
+class PointSpread:
     """How N points scatter."""
 
     noise_mm2: Array  # (N, 3, 3) by the pixels
     by_calibration: Array | None  # (N, 3, R) by each of R independent errors of the rig, of size one; None: not known
-    misclosure: Array  # (N,) what the rig's errors add to the sum of squared whitened residuals, on average
 
     @property
     def calibration_mm2(self) -> Array | None:
@@ -162,6 +161,19 @@ class Propagated:
         if self.by_calibration is None:
             return None
         return self.by_calibration @ self.by_calibration.transpose(0, 2, 1)
+
+    @property
+    def covariance_mm2(self) -> Array:
+        """By all that is known.  # (N, 3, 3)"""
+        shared = self.calibration_mm2
+        return self.noise_mm2 if shared is None else self.noise_mm2 + shared
+
+
+@dataclass(frozen=True, eq=False)
+class Propagated(PointSpread):
+    """How N points scatter that are seen so."""
+
+    misclosure: Array  # (N,) what the rig's errors add to the sum of squared whitened residuals, on average
 
 
 def whitening(cov_px2: Array) -> Array:
