@@ -12,7 +12,8 @@ lenses are alike.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.special import chdtrc
@@ -57,6 +58,25 @@ SURE = 3e-3
 """Standard deviation of a focal length, as a part of it, from which on a camera's own photos tell its lens."""
 
 
+@dataclass(frozen=True, eq=False)
+class _RigTask:
+    """What is to be solved, and how."""
+
+    observations: RigObservations
+    choices: Sequence[CameraChoice]
+    options: RigOptions
+
+    @cached_property
+    def alone(self) -> tuple[Alone, ...]:
+        """Each camera by itself."""
+        seen = self.observations
+        return tuple(map(self.one_alone, seen.sightings, seen.camera_names, self.choices))
+
+    def one_alone(self, seen: Observations, name: str, choice: CameraChoice) -> Alone:
+        """One of them, or as if it were another choice."""
+        return solve_alone(seen, name, choice, self.options)
+
+
 @one_thread_with_scipy
 def solve_rig(
     observations: RigObservations, choices: Sequence[CameraChoice], options: RigOptions | None = None
@@ -76,70 +96,61 @@ def solve_rig(
         InputError: a camera cannot be solved, or not in space, no frames join some cameras to the others, frames of
             one would have to be shifted to fit, or options that do not fit.
     """
-    options = options or RigOptions()
-    if observations.points.turned is not None and (observations.camera_count > 1 or options.carrier is not None):
-        alone = [one.cam_from_target for one in _each_alone(observations, choices, options)]
-        observations = named_alike(observations, alone, options.carrier)
+    task = _RigTask(observations, choices, options or RigOptions())
+    if observations.points.turned is not None and (observations.camera_count > 1 or task.options.carrier is not None):
+        observations = named_alike(observations, [one.cam_from_target for one in task.alone], task.options.carrier)
     found, said = through_circles(
         observations.sightings,
-        lambda seen: _solved(replace(observations, sightings=tuple(seen)), choices, options),
+        lambda seen: _solved(replace(task, observations=replace(observations, sightings=tuple(seen)))),
         lambda rig: rig.alone,
     )
     return replace(found, remarks=(*found.remarks, *said)) if said else found
 
 
-def _solved(observations: RigObservations, choices: Sequence[CameraChoice], options: RigOptions) -> RigCalibration:
+def _solved(task: _RigTask) -> RigCalibration:
     """The rig from points as they are given."""
-    _check(observations, choices, options)
-    alone = _each_alone(observations, choices, options)
+    _check(task.observations, task.choices, task.options)
     rms = [
-        one.view_rms if one.view_rms is not None else np.full((len(one.cam_from_target), 2), np.nan) for one in alone
+        one.view_rms if one.view_rms is not None else np.full((len(one.cam_from_target), 2), np.nan)
+        for one in task.alone
     ]
-    if is_off := _far_off(observations, rms):
-        return _solved_without(is_off, rms, observations, choices, options)
-    found = _of_all(observations, choices, options, alone)
-    if options.carrier is not None or found.status != "converged" or len(found.cameras) < 2:
+    if is_off := _far_off(task.observations, rms):
+        return _solved_without(is_off, rms, task)
+    found = _of_all(task, task.alone)
+    if task.options.carrier is not None or found.status != "converged" or len(found.cameras) < 2:
         return found
     used = as_given(found)
     rms = [view_rms(seen, left) for seen, left in zip(used.sightings, found.residual_px, strict=True)]
     if not (is_off := _far_off(used, rms)):
-        return _with_lenses_alike(found, observations, choices, options, alone)
+        return _with_lenses_alike(found, task)
     is_off = _worst_of_frames(used, is_off, rms)
-    again = _solved_without(is_off, rms, used, choices, options)
+    again = _solved_without(is_off, rms, replace(task, observations=used))
     return again if again.status == "converged" else found
 
 
-def _of_all(
-    observations: RigObservations, choices: Sequence[CameraChoice], options: RigOptions, alone: Sequence[Alone]
-) -> RigCalibration:
+def _of_all(task: _RigTask, alone: Sequence[Alone]) -> RigCalibration:
     """The rig of all photos, with slack of single ones where they do not fit together."""
+    options = task.options
     if options.allows_offsets is not None or options.carrier is not None:
-        return _settled(
-            observations, choices, replace(options, allows_offsets=options.allows_offsets is not False), alone
-        )
-    found = _settled(observations, choices, replace(options, allows_offsets=False), alone)
+        allows = options.allows_offsets is not False
+        return _settled(replace(task, options=replace(options, allows_offsets=allows)), alone)
+    found = _settled(replace(task, options=replace(options, allows_offsets=False)), alone)
     if found.alone_scale is None or not (found.scale > DISAGREES * found.alone_scale).any():
         return found
-    if not all(_tells_its_lens(*one) for one in zip(observations.sightings, choices, alone, strict=True)):
+    if not all(_tells_its_lens(*one) for one in zip(task.observations.sightings, task.choices, alone, strict=True)):
         return found
-    return adjusted(observations, replace(options, allows_offsets=True), [alone])
+    return adjusted(task.observations, replace(options, allows_offsets=True), [alone])
 
 
-def _with_lenses_alike(
-    found: RigCalibration,
-    observations: RigObservations,
-    choices: Sequence[CameraChoice],
-    options: RigOptions,
-    alone: Sequence[Alone],
-) -> RigCalibration:
+def _with_lenses_alike(found: RigCalibration, task: _RigTask) -> RigCalibration:
     """The rig with lenses that its photos leave open near the surest other one of their kind; as it was if none is."""
-    open_px = []
+    observations, open_px = task.observations, []
     for number, one in enumerate(found.cameras):
         own, pixel = found.rig.params_rows(number), image_grid(one.image_size).reshape(-1, 2)
         sigma_px = projected_sigma_px(one, found.covariance[own, own], pixel)
         open_px.append(float(np.median(np.nan_to_num(sigma_px, nan=max(one.image_size)))))
-    wanted, begun, said = list(choices), list(alone), []
-    for number, (one, choice) in enumerate(zip(found.cameras, choices, strict=True)):
+    wanted, begun, said = list(task.choices), list(task.alone), []
+    for number, (one, choice) in enumerate(zip(found.cameras, task.choices, strict=True)):
         if not choice.is_refined or choice.priors or open_px[number] <= ALIKE * max(one.image_size):
             continue
         like = [
@@ -153,11 +164,10 @@ def _with_lenses_alike(
         priors = _priors_from(found, number, row)
         if not priors:
             continue
-        lens = replace(choice, given=found.cameras[row])
-        start = solve_alone(observations.sightings[number], name, lens, options)
+        start = task.one_alone(observations.sightings[number], name, replace(choice, given=found.cameras[row]))
         wanted[number] = replace(choice, priors=priors)
         begun[number] = replace(
-            alone[number], camera=start.camera, cam_from_target=start.cam_from_target, priors=priors
+            begun[number], camera=start.camera, cam_from_target=start.cam_from_target, priors=priors
         )
         said.append(
             f"{printable(name)}: its photos leave its lens open ({open_px[number]:.2g} px over half of the image), so "
@@ -166,7 +176,7 @@ def _with_lenses_alike(
         )
     if not said:
         return found
-    again = _of_all(observations, wanted, options, begun)
+    again = _of_all(replace(task, choices=wanted), begun)
     return replace(again, remarks=(*said, *again.remarks)) if again.status == "converged" else found
 
 
@@ -214,15 +224,9 @@ def _worst_of_frames(observations: RigObservations, is_off: Sequence[Flags], rms
     )
 
 
-def _solved_without(
-    is_off: Sequence[Flags],
-    rms: Sequence[Array],
-    observations: RigObservations,
-    choices: Sequence[CameraChoice],
-    options: RigOptions,
-) -> RigCalibration:
+def _solved_without(is_off: Sequence[Flags], rms: Sequence[Array], task: _RigTask) -> RigCalibration:
     """The rig without some photos, which are named."""
-    remarks = []
+    observations, remarks = task.observations, []
     for name, seen, off, own in zip(observations.camera_names, observations.sightings, is_off, rms, strict=True):
         remarks += [
             f"{printable(name)}, {printable(seen.view_names[row])}: left out: {figure(own[row, 1], 2)} px RMS, most of "
@@ -237,7 +241,7 @@ def _solved_without(
         frame=tuple(frames[ok] for frames, ok in zip(observations.frame, keep, strict=True)),
         time_s=None if times is None else tuple(stamp[ok] for stamp, ok in zip(times, keep, strict=True)),
     )
-    found = solve_rig(kept, choices, options)
+    found = solve_rig(kept, task.choices, task.options)
     return replace(found, remarks=(*remarks, *found.remarks))
 
 
@@ -260,19 +264,7 @@ def _check(observations: RigObservations, choices: Sequence[CameraChoice], optio
         raise InputError("time offsets need time stamps; give each photo's, or leave the offsets out")
 
 
-def _each_alone(
-    observations: RigObservations, choices: Sequence[CameraChoice], options: RigOptions
-) -> tuple[Alone, ...]:
-    """Each camera by itself."""
-    return tuple(
-        solve_alone(seen, name, choice, options)
-        for seen, name, choice in zip(observations.sightings, observations.camera_names, choices, strict=True)
-    )
-
-
-def _settled(
-    observations: RigObservations, choices: Sequence[CameraChoice], options: RigOptions, alone: Sequence[Alone]
-) -> RigCalibration:
+def _settled(task: _RigTask, alone: Sequence[Alone]) -> RigCalibration:
     """The most likely rig of the starts that there are; if that ends short of a minimum, from lenses of no distortion.
 
     Cameras whose own photos leave their lenses open begin with wild ones, which of them by chance: the order of photos
@@ -280,28 +272,22 @@ def _settled(
     """
     is_open = [one.solved is not None and one.solved.status != "converged" for one in alone]
     starts = [alone]
-    if options.carrier is None and any(is_open):
-        starts.append(_begun_anew(is_open, observations, choices, options, alone))
-    found = adjusted(observations, options, starts)
+    if task.options.carrier is None and any(is_open):
+        starts.append(_begun_anew(is_open, task, alone))
+    found = adjusted(task.observations, task.options, starts)
     if found.status != "stopped":
         return found
-    is_free = [choice.is_refined for choice in choices]
+    is_free = [choice.is_refined for choice in task.choices]
     try:
-        again = adjusted(observations, options, [_begun_anew(is_free, observations, choices, options, alone)])
+        again = adjusted(task.observations, task.options, [_begun_anew(is_free, task, alone)])
     except InputError:
         return found
     return again if again.status == "converged" else found
 
 
-def _begun_anew(
-    anew: Sequence[bool],
-    observations: RigObservations,
-    choices: Sequence[CameraChoice],
-    options: RigOptions,
-    alone: Sequence[Alone],
-) -> list[Alone]:
+def _begun_anew(anew: Sequence[bool], task: _RigTask, alone: Sequence[Alone]) -> list[Alone]:
     """The start with other lenses of some cameras: that of the surest other one of their kind, else no distortion."""
-    start = list(alone)
+    observations, choices, start = task.observations, task.choices, list(alone)
     for number in np.flatnonzero(anew).tolist():
         seen, choice, own = observations.sightings[number], choices[number], alone[number]
         like = [
@@ -311,7 +297,7 @@ def _begun_anew(
             and one.camera.image_size == own.camera.image_size
         ]  # fmt: skip
         lens = replace(choice, given=min(like, key=lambda pair: pair[0])[1]) if like else _without_lens(choice)
-        begun = solve_alone(seen, observations.camera_names[number], lens, options)
+        begun = task.one_alone(seen, observations.camera_names[number], lens)
         start[number] = replace(own, camera=begun.camera, cam_from_target=begun.cam_from_target)
     return start
 

@@ -95,63 +95,83 @@ def _solved(
     surface = surface_model(model)
     require_planes(options.minimise, observations.points, observations.point)
     lens = model if surface is None else surface.base.name
-    tie = tie_parameters(model, options)
     noise = observations.cov_px2 if noise_px2 is None else noise_px2
-    problem = pack(observations, weighted=options.weighted)
-    _require_equations(problem, tie, len(options.priors))
-    start = _at_priors(model, options)
-    camera = coarse_camera(problem, lens, start.row, start.value, options.focal_px, is_robust=is_robust(options))
-    first = _poses(problem, camera, tie, options)
+    photos = _Photos.of(observations, tie_parameters(model, options), options, noise)
+    start, robust = _at_priors(model, options), is_robust(options)
+    camera = coarse_camera(photos.problem, lens, start.row, start.value, options.focal_px, is_robust=robust)
+    first = _poses(photos, camera)
     if not first.found.any():
         raise InputError("no view has a pose that shows its points; check that points and pixels belong together")
     remarks = _left_out(observations, first.found)
     if remarks:
-        noise = None if noise is None else noise[first.found[observations.view]]
-        observations = keep_views(observations, first.found)
-        problem = pack(observations, weighted=options.weighted)
-        _require_equations(problem, tie, len(options.priors))
+        photos = photos.of_views(first.found)
     poses = first.cam_from_target[first.found]
-    down = _down(observations, problem, camera, poses, tie, options, noise, surface)
+    down = _down(photos, camera, poses, surface)
     while (is_lost := down.descended.is_lost).any() and not is_lost.all():
-        remarks += _lost(observations, down.descended)
-        poses = poses[~is_lost]
-        noise = None if noise is None else noise[~is_lost[observations.view]]
-        observations = keep_views(observations, ~is_lost)
-        problem = pack(observations, weighted=options.weighted)
-        _require_equations(problem, tie, len(options.priors))
-        down = _down(observations, problem, camera, poses, tie, options, noise, surface)
+        remarks += _lost(photos.observations, down.descended)
+        photos, poses = photos.of_views(~is_lost), poses[~is_lost]
+        down = _down(photos, camera, poses, surface)
     if not down.descended.is_used.any():
         raise InputError(
-            f"model {model} shows none of the {len(observations.view)} observations together with the others; check "
-            "that points and pixels belong together, or give another --model"
+            f"model {model} shows none of the {len(photos.observations.view)} observations together with the others; "
+            "check that points and pixels belong together, or give another --model"
         )
     if noise_px2 is None:
-        observations, problem, down = _weighed(observations, problem, down, tie, options)
+        photos, down = _weighed(photos, down)
     if len(down.problem.amount) and not len(down.problem.shifts) and down.surface_accuracy is None:
-        found = shrunk(down.problem, down.descended, tie, options, noise)
+        found = shrunk(down.problem, down.descended, photos.tie, options, photos.noise_px2)
         down = replace(down, descended=found, lens=found)
-    return _calibration(observations, problem, down, tie, options, remarks, time.perf_counter() - begin)
+    return _calibration(photos, down, remarks, time.perf_counter() - begin)
 
 
-def _weighed(
-    observations: Observations, problem: Problem, down: "_Down", tie: Tie, options: SolveOptions
-) -> tuple[Observations, Problem, "_Down"]:
+@dataclass(frozen=True, eq=False)
+class _Photos:
+    """What a camera is solved from, and how."""
+
+    observations: Observations
+    problem: Problem
+    tie: Tie
+    options: SolveOptions
+    noise_px2: Array | None  # (M, 2, 2) by which it is told what is far off
+
+    @classmethod
+    def of(cls, observations: Observations, tie: Tie, options: SolveOptions, noise_px2: Array | None) -> "_Photos":
+        """Packed; fewer equations than unknowns are refused, of some of which something is known."""
+        problem = pack(observations, weighted=options.weighted)
+        unknowns = int(tie.row.max(initial=-1)) + 1 + 6 * problem.view_count - len(options.priors)
+        equations = 2 * int(problem.is_used.sum())
+        if equations < unknowns or problem.view_count == 0:
+            views = f"{problem.view_count} view{'s' * (problem.view_count != 1)}"
+            raise UndeterminedError(
+                f"{equations // 2} observations in {views}: too few for {unknowns} unknowns; take more photos, or fix "
+                "parameters"
+            )
+        return cls(observations, problem, tie, options, noise_px2)
+
+    def of_views(self, keep: Flags) -> "_Photos":
+        """Some of them."""
+        noise = None if self.noise_px2 is None else self.noise_px2[keep[self.observations.view]]
+        return _Photos.of(keep_views(self.observations, keep), self.tie, self.options, noise)
+
+
+def _weighed(photos: _Photos, down: "_Down") -> tuple[_Photos, "_Down"]:
     """The same with observations weighed by what their residuals say of stated sigmas, and the minimum there."""
-    cov, found = observations.cov_px2, down.descended
+    options, cov, found = photos.options, photos.observations.cov_px2, down.descended
     is_plain = options.loss == "squares" and options.minimise == IMAGE and down.surface_accuracy is None
     if cov is None or not options.weighted or not is_plain or not found.minimum.converged:
-        return observations, problem, down
+        return photos, down
     problem = down.problem
     square = (whitened(problem.whitener, found.minimum.blocks.residual_px) ** 2).sum(axis=0)
     size = -0.5 * np.log(problem.whitener[0] * problem.whitener[2])
-    unknowns = int(tie.row.max(initial=-1)) + 1 + 6 * problem.view_count
+    unknowns = int(photos.tie.row.max(initial=-1)) + 1 + 6 * problem.view_count
     factor = variance_power(square, size, found.is_used, unknowns)
     if factor is None:
-        return observations, problem, down
+        return photos, down
     problem = replace(problem, whitener=problem.whitener / factor)
-    observations = replace(observations, cov_px2=factor[:, None, None] ** 2 * cov)
-    again = descend_again(problem, found, tie, options)
-    return observations, problem, replace(down, problem=problem, descended=again, lens=again)
+    observations = replace(photos.observations, cov_px2=factor[:, None, None] ** 2 * cov)
+    again = descend_again(problem, found, photos.tie, options)
+    photos = replace(photos, observations=observations, problem=problem)
+    return photos, replace(down, problem=problem, descended=again, lens=again)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,17 +186,16 @@ class _Down:
     remarks: tuple[str, ...] = ()
 
 
-def _down(
-    observations: Observations, problem: Problem, camera: Camera, poses: Array, tie: Tie, options: SolveOptions,
-    noise_px2: Array | None, surface: SurfaceModel | None,
-) -> _Down:  # fmt: skip
+def _down(photos: _Photos, camera: Camera, poses: Array, surface: SurfaceModel | None) -> _Down:
     """Down to the minimum in the image, and from there to that in space or with a surface if this is asked for."""
+    observations, problem, tie, options = photos.observations, photos.problem, photos.tie, photos.options
+    noise_px2 = photos.noise_px2
     if surface is not None:
         from calib.solver.surface import bend, require_points, without_rejection
 
         forgiving = without_rejection(options)
         lens = descend(problem, camera, poses, tie, forgiving, noise_px2)
-        problem, lens, said = _with_more(observations, problem, lens, tie, forgiving, noise_px2)
+        problem, lens, said = _with_more(replace(photos, options=forgiving), lens)
         if lens.is_lost.any():
             return _Down(problem, lens, lens)
         require_points(problem, surface)
@@ -187,7 +206,9 @@ def _down(
         variance = 1.0 if options.weighted and observations.cov_px2 is not None else FIRST_PX2
         known = replace(problem, prior=prior_of(options.priors, parameter_names(camera.model), variance))
     lens = descend(problem, camera, poses, tie, options, noise_px2)
-    if options.priors and not _tells_camera(observations, problem, lens, tie):
+    # Photos that determine a camera without what is known of it tell their noise whatever that is.
+    is_there = lens.minimum.converged and not lens.is_lost.any()
+    if options.priors and not (is_there and not _why_open(photos, lens)):
         problem, lens = known, descend(known, camera, poses, tie, options, noise_px2)
     for _ in range(TURNS):  # a long lens tells the two poses of a plane apart only when it is nearly known
         camera, poses = lens.minimum.camera, lens.minimum.cam_from_target
@@ -198,7 +219,7 @@ def _down(
         if not again.minimum.blocks.cost.sum() < lens.minimum.blocks.cost.sum():
             break
         lens = again
-    problem, lens, said = _with_more(observations, known, lens, tie, options, noise_px2)
+    problem, lens, said = _with_more(replace(photos, problem=known), lens)
     found = descend_in_space(problem, observations.points, observations.point, lens, tie, options, noise_px2)
     if found is None:
         return _Down(problem, lens, lens, remarks=said)
@@ -214,28 +235,20 @@ def _at_priors(model: str, options: SolveOptions) -> Tie:
     return tie_parameters(model, replace(options, fixed=(*options.fixed, *kept.items()), shared=shared, priors=()))
 
 
-def _tells_camera(observations: Observations, problem: Problem, found: Descended, tie: Tie) -> bool:
-    """Whether photos determine a camera without what is known of it, and so tell their noise whatever that is."""
-    is_there = found.minimum.converged and not found.is_lost.any()
-    return is_there and not _why_open(observations, problem, found, tie)
-
-
-def _with_more(
-    observations: Observations, problem: Problem, flat: Descended, tie: Tie, options: SolveOptions,
-    noise_px2: Array | None,
-) -> tuple[Problem, Descended, tuple[str, ...]]:  # fmt: skip
+def _with_more(photos: _Photos, flat: Descended) -> tuple[Problem, Descended, tuple[str, ...]]:
     """The problem with what is known, and the target's bend if it is to be an unknown, its minimum, and a word on that.
 
     Where photos hardly tell the camera, a bend would take from it what they do.
     """
-    varies = options.breathing_mm is not None or bool(options.vary)
+    observations, problem, tie, options = photos.observations, photos.problem, photos.tie, photos.options
+    noise_px2, varies = photos.noise_px2, options.breathing_mm is not None or bool(options.vary)
     if not (options.free_bend or options.priors or varies) or flat.is_lost.any():
         return problem, flat, ()
     said: tuple[str, ...] = ()
-    if options.free_bend and not _why_open(observations, problem, flat, tie):
+    if options.free_bend and not _why_open(photos, flat):
         bent = with_bend(problem, observations, options, len(tie.row))
         found = descend_displaced(bent, flat, tie, options, noise_px2)
-        if found.is_lost.any() or _why_open(observations, bent, found, tie):
+        if found.is_lost.any() or _why_open(replace(photos, problem=bent), found):
             said = (NOT_TOLD,)
         elif varies:
             problem = bent
@@ -256,10 +269,10 @@ def _accuracy_at(problem: Problem, found: Descended, tie: Tie) -> Accuracy:
     return accuracy_of(blocks.products, problem.rows(tie.row), int(found.is_used.sum()), found.robust, blocks.prior)
 
 
-def _why_open(observations: Observations, problem: Problem, found: Descended, tie: Tie) -> str:
+def _why_open(photos: _Photos, found: Descended) -> str:
     """Why a minimum determines no camera; "" if it does."""
-    accuracy = of_parameters(_accuracy_at(problem, found, tie), len(found.minimum.amount))
-    return why_degenerate(observations, found.minimum, found.sigma_px, accuracy, tie)
+    accuracy = of_parameters(_accuracy_at(photos.problem, found, photos.tie), len(found.minimum.amount))
+    return why_degenerate(photos.observations, found.minimum, found.sigma_px, accuracy, photos.tie)
 
 
 def _check(options: SolveOptions) -> None:
@@ -285,25 +298,19 @@ def _check(options: SolveOptions) -> None:
         raise InputError(f"focal length {options.focal_px:g} px: must be more than 0")
 
 
-def _poses(problem: Problem, camera: Camera, tie: Tie, options: SolveOptions) -> FirstPoses:
+def _poses(photos: _Photos, camera: Camera) -> FirstPoses:
     """First poses; where the first camera's lens has no rays for a view, those without a lens."""
-    first = first_poses(problem, camera, is_robust=is_robust(options))
+    robust = is_robust(photos.options)
+    first = first_poses(photos.problem, camera, is_robust=robust)
     if first.found.all():
         return first
-    plain = first_poses(problem, without_lens(camera, tie), is_robust=is_robust(options))
+    plain = first_poses(photos.problem, without_lens(camera, photos.tie), is_robust=robust)
     poses = np.where(first.found[:, None, None], first.cam_from_target, plain.cam_from_target)
     return FirstPoses(poses, first.found | plain.found)
 
 
-def _calibration(
-    observations: Observations,
-    problem: Problem,
-    down: _Down,
-    tie: Tie,
-    options: SolveOptions,
-    remarks: list[str],
-    seconds: float,
-) -> Calibration:
+def _calibration(photos: _Photos, down: _Down, remarks: list[str], seconds: float) -> Calibration:
+    observations, problem, tie, options = photos.observations, photos.problem, photos.tie, photos.options
     descended, lens, remarks = down.descended, down.lens.minimum, [*down.remarks, *remarks]
     found, is_used, accuracy = descended.minimum, descended.is_used, down.lens_accuracy
     amounts, products = len(found.amount), lens.blocks.products
@@ -392,18 +399,6 @@ def far_off(seen: Observations, residual_px: Array, deviation: Array) -> list[st
         f"{len(far)} of {len(deviation)} observations are off by more than {FAR_OFF:g} robust standard deviations, the "
         f"worst by {off:.3g} px in {seen.view_names[seen.view[worst]]}; look at them, or reject them"
     ]
-
-
-def _require_equations(problem: Problem, tie: Tie, known: int) -> None:
-    """Refuse fewer equations than unknowns, of some of which something is known."""
-    unknowns = int(tie.row.max(initial=-1)) + 1 + 6 * problem.view_count - known
-    equations = 2 * int(problem.is_used.sum())
-    if equations < unknowns or problem.view_count == 0:
-        views = f"{problem.view_count} view{'s' * (problem.view_count != 1)}"
-        raise UndeterminedError(
-            f"{equations // 2} observations in {views}: too few for {unknowns} unknowns; take more photos, or fix "
-            "parameters"
-        )
 
 
 def _left_out(observations: Observations, found: Flags) -> list[str]:
