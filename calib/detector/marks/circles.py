@@ -7,7 +7,7 @@ of rings' targets are, with the vanishing line that the grid gives: they are ima
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from calib.core import homography
 from calib.detector.borders import reduced, reduction, thresholds
-from calib.detector.candidates import Candidates, find_candidates, merged, plane_offset
+from calib.detector.candidates import Candidates, find_candidates, merged
 from calib.detector.grid import Grid, grow_grids, lattice_from
 from calib.detector.marks import FoundFace
 from calib.detector.marks.markers import INVERTED, MIRRORED
@@ -39,9 +39,10 @@ CLEAR = 2
 """Circles that another place or turn of the grid explains less."""
 SHOWN = 0.5
 """Least share of each outermost row and column."""
-WORTH_A_WORD = 12
-SAMPLES, MOST_STEPS, SAME = 300, 3, 0.12
-"""Circles that tell steps, steps that are tried, and logarithms of steps that are one."""
+WORTH_A_WORD, MOST_ODD = 12, 1 / 3
+"""Circles of a grid that is spoken of, and their share that makes it no grid."""
+SAMPLES, MOST_PAIRS, MOST_STEPS, SAME = 300, 500_000, 3, 0.12
+"""Circles that tell steps, their pairs with others, steps that are tried, and logarithms of steps that are one."""
 TOUCHING, FARTHEST, ALIKE = 2.0, 20.0, 2.0
 """Radii from circle to circle, and their areas' ratio."""
 OTHER_WIDTH, WIDEST = 1.15, 0.95
@@ -58,9 +59,14 @@ class CirclePlan:
     """A grid of circles with what its search needs."""
 
     marks: Circles
-    plan: TargetPlan
     index_from_lattice: Rows  # (2, 2)
     table: Array  # (I, J) 1 where the grid has a circle
+
+    @cached_property
+    def plan(self) -> TargetPlan:
+        """For measuring."""
+        margin_mm = self.marks.nearest_mm / 2 - self.marks.radius_mm
+        return plan_for(target_of_marks([self.marks], np.eye(4)[None], margin_mm))
 
 
 @lru_cache(maxsize=64)
@@ -68,10 +74,9 @@ def plan_of(marks: Circles) -> CirclePlan:
     """The plan of a grid."""
     # Circles of an asymmetric grid stand along the diagonals of its half steps.
     index_from_lattice = np.array([[1, -1], [1, 1]]) if marks.asymmetric else np.eye(2, dtype=np.int64)
-    target = target_of_marks([marks], np.eye(4)[None], marks.nearest_mm / 2 - marks.radius_mm)
     table = np.zeros(marks.index.max(axis=0) + 1)
     table[marks.index[:, 0], marks.index[:, 1]] = 1
-    return CirclePlan(marks, plan_for(target), index_from_lattice, table)
+    return CirclePlan(marks, index_from_lattice, table)
 
 
 def grids_in(pixels: NDArray[np.generic]) -> Iterator[tuple[Candidates, tuple[Grid, ...]]]:
@@ -94,15 +99,15 @@ def grids_in(pixels: NDArray[np.generic]) -> Iterator[tuple[Candidates, tuple[Gr
 
 def _usual_steps(candidates: Candidates) -> Iterator[float]:
     """From circle to circle in radii, where many circles have the same; the commonest first."""
-    best = np.argsort(candidates.misfit_px / candidates.radius_px, kind="stable")[:SAMPLES]
+    best = np.argsort(candidates.misfit_px / candidates.radius_px, kind="stable")
+    best = best[: min(SAMPLES, MOST_PAIRS // max(len(best), 1))]
     if len(best) < SMALLEST:
         return
-    e, area = candidates.ellipse[best], candidates.radius_px**2
-    offset = candidates.ellipse[None, :, :2] - e[:, None, :2]
-    away = np.hypot(e[:, 2, None] * offset[..., 0], e[:, 3, None] * offset[..., 0] + e[:, 4, None] * offset[..., 1])
+    offset, area = candidates.ellipse[None, :, :2] - candidates.ellipse[best, None, :2], candidates.radius_px**2
+    # By the planes around both, as one is farther from the camera.
+    away = np.sqrt(_in_radii(candidates.ellipse[best, None], offset) * _in_radii(candidates.ellipse[None], offset))
     share = area / area[best, None]
     away[(away < TOUCHING) | (share < 1 / ALIKE) | (share > ALIKE)] = np.inf
-    # The nearest neighbour errs low, the next one high.
     step = np.log(np.partition(away, 1, axis=1)[:, :2].mean(axis=1))
     step = np.sort(step[step < np.log(FARTHEST)])
     for _ in range(MOST_STEPS):
@@ -139,7 +144,13 @@ def step_radii(candidates: Candidates, grid: Grid) -> float:
     """From circle to circle of a grid in radii, in the plane around them."""
     here, there = _neighbours(candidates, grid)
     offset = there[:, :2] - here[:, :2]
-    return float(np.median([np.linalg.norm(plane_offset(one[:, 2:], offset), axis=1) for one in (here, there)]))
+    return float(np.median([_in_radii(here, offset), _in_radii(there, offset)]))
+
+
+def _in_radii(ellipse: Array, offset_px: Array) -> Array:
+    """Lengths in the planes around circles.  # (..., 5), (..., 2) -> (...)"""
+    u, v = np.moveaxis(offset_px, -1, 0)
+    return np.asarray(np.hypot(ellipse[..., 2] * u, ellipse[..., 3] * u + ellipse[..., 4] * v))
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,14 +263,16 @@ def _size_words(grid: Grid, plan: CirclePlan) -> tuple[str, ...]:
     """What a grid is that is not the target's, or not all of it."""
     if len(grid.row) < WORTH_A_WORD:
         return ()
-    told, layouts = plan.marks, layouts_of(grid)
+    told, layouts, count = plan.marks, layouts_of(grid), len(grid.row)
 
     def misfit(one: Circles) -> float:
         # Of the target cut somewhere rather than of another board.
         is_same = (one.asymmetric, one.circles) == (told.asymmetric, told.circles)
-        return layouts[one] - is_same * len(grid.row) / 5
+        return layouts[one] - is_same * count / 5
 
     best = min(layouts, key=misfit, default=told)
+    if layouts.get(best, count) > MOST_ODD * count:
+        return ()
     is_half = best.asymmetric
     # Of an asymmetric grid it matters which are the rows.
     seen, wanted = (
