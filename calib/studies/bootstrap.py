@@ -14,7 +14,7 @@ from calib.solver.accuracy import NO_FIT
 from calib.solver.calibrate import calibrate
 from calib.solver.calibration import Calibration
 from calib.solver.descend import is_robust
-from calib.solver.metrics.errors import Errors, centers_mm, predict, summarise
+from calib.solver.metrics.errors import centers_mm, predict, summarise
 from calib.solver.metrics.evaluation import truth_remarks
 from calib.solver.metrics.intersection import intersection
 from calib.solver.metrics.pose import pose
@@ -23,7 +23,7 @@ from calib.solver.metrics.reprojection import reprojection
 from calib.solver.problem import Problem, SolveOptions, Tie, pack, tie_parameters
 from calib.studies.near import Expansion, expand, find_near
 from calib.studies.sample_metrics import Sample, sample_errors
-from calib.studies.samples import SampleResult, draw_counts, failed_sample
+from calib.studies.samples import SampleErrors, SampleResult, draw_counts, failed_sample
 from calib.studies.workers import SamplePool
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
@@ -133,10 +133,8 @@ def run_sample(pool: Pool, counts: Rows, number: int) -> SampleResult:
     # Half of all residuals are at most sqrt(2) times their root mean square.
     if not math.sqrt(2) * errors.reprojection_px < NO_FIT * max(pool.observations.image_size):
         return solve_from_scratch(pool, counts, number)
-    return SampleResult(
-        number, "converged", len(views), errors.reprojection_px, errors.intersection_mm, errors.reconstruction_mm,
-        errors.pose_mm, tuple(found.camera.params.tolist()), found.looks,
-    )  # fmt: skip
+    params = tuple(found.camera.params.tolist())
+    return SampleResult(number, "converged", len(views), params, found.looks, errors=errors)
 
 
 def solve_from_scratch(pool: Pool, counts: Rows, number: int) -> SampleResult:
@@ -153,10 +151,11 @@ def solve_from_scratch(pool: Pool, counts: Rows, number: int) -> SampleResult:
         true = make_pose(np.eye(3), -pool.true_center_mm[[row[name] for name in found.observations.view_names]])
     prediction = predict(found, true)
     says = found.status != "converged" or found.observations.view_count < len(drawn)
+    metrics = (metric(prediction) for metric in (reprojection, intersection, reconstruction, pose))
     return SampleResult(
-        number, found.status, distinct, _rmse(reprojection(prediction)), _rmse(intersection(prediction)),
-        _rmse(reconstruction(prediction)), _rmse(pose(prediction)), tuple(found.camera.params.tolist()),
-        found.iterations, "; ".join(found.remarks) if says else "",
+        number, found.status, distinct, tuple(found.camera.params.tolist()), found.iterations,
+        "; ".join(found.remarks) if says else "",
+        SampleErrors(*(math.nan if one is None else summarise(one).rmse for one in metrics)),
     )  # fmt: skip
 
 
@@ -168,7 +167,3 @@ def expanded(observations: Observations, drawn: Rows) -> Observations:
     rows = np.repeat(start[drawn], length) + place
     names = tuple(observations.view_names[view] for view in drawn.tolist())
     return replace(keep_sightings(observations, rows), view_names=names, view=np.repeat(np.arange(len(drawn)), length))
-
-
-def _rmse(errors: Errors | None) -> float:
-    return math.nan if errors is None else summarise(errors).rmse

@@ -24,7 +24,7 @@ from calib.rigs.solve import solve_rig
 from calib.solver.problem import SolveOptions
 from calib.studies.bootstrap import expanded
 from calib.studies.identity import StudyIdentity, digest_of, identity_of
-from calib.studies.samples import SampleResult, Samples, failed_sample, sample_of_values
+from calib.studies.samples import SampleResult, Samples, failed_sample
 from calib.studies.workers import ValuePool
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
@@ -62,7 +62,7 @@ class FramePool(ValuePool):
         except (InputError, np.linalg.LinAlgError) as error:
             return failed_sample(number, distinct, self.value_count, str(error))
         message = "" if found.status == "converged" else " ".join(found.remarks[:1])
-        return sample_of_values(number, found.status, distinct, pose_values(found.rig), found.iterations, message)
+        return SampleResult(number, found.status, distinct, pose_values(found.rig), found.iterations, message)
 
 
 def pose_values(rig: Rig) -> tuple[float, ...]:

@@ -19,17 +19,8 @@ from calib.solver.metrics.intersection import LEAST_SINE
 from calib.solver.metrics.reconstruction import LEAST_SPREAD_RAD
 from calib.solver.problem import Problem
 from calib.studies.gradients import chunks_of
+from calib.studies.samples import SampleErrors
 from designer.base.arrays import Array, Rows
-
-
-@dataclass(frozen=True)
-class SampleErrors:
-    """Root mean squares; nan where there is nothing to take them of."""
-
-    reprojection_px: float
-    intersection_mm: float
-    reconstruction_mm: float
-    pose_mm: float
 
 
 @dataclass(frozen=True, eq=False)

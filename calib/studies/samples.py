@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, islice
 from pathlib import Path
-from typing import Literal, cast, get_args
+from typing import Literal, NamedTuple, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,33 +62,34 @@ SampleStatus = Status | Literal["failed"]
 STATUSES: tuple[SampleStatus, ...] = (*get_args(Status), "failed")
 
 
+class SampleErrors(NamedTuple):
+    """Root mean squares over a sample's views, each as often as drawn; nan where they are not defined."""
+
+    reprojection_px: float = math.nan
+    intersection_mm: float = math.nan
+    reconstruction_mm: float = math.nan
+    pose_mm: float = math.nan
+
+
+NO_ERRORS = SampleErrors()
+
+
 @dataclass(frozen=True)
 class SampleResult:
-    """The camera of one sample and its errors: root mean squares over the sample's views, each as often as drawn."""
+    """The camera of one sample, or other values, and its errors."""
 
     number: int
     status: SampleStatus
     distinct_views: int
-    reprojection_px: float  # nan, as the others, where it is not defined
-    intersection_mm: float
-    reconstruction_mm: float
-    pose_mm: float
     params: tuple[float, ...]  # (P,) nan if there is no camera
-    iterations: int
+    iterations: int = 0
     message: str = ""  # why the camera is not to be trusted
+    errors: SampleErrors = NO_ERRORS
 
 
 def failed_sample(number: int, distinct_views: int, values: int, reason: str) -> SampleResult:
     """A sample without a camera, of which so many values are not known."""
-    return sample_of_values(number, "failed", distinct_views, (math.nan,) * values, message=reason)
-
-
-def sample_of_values(
-    number: int, status: SampleStatus, views: int, values: tuple[float, ...], iterations: int = 0, message: str = ""
-) -> SampleResult:
-    """A sample of other values than a camera's errors."""
-    nan = math.nan
-    return SampleResult(number, status, views, nan, nan, nan, nan, values, iterations, message)
+    return SampleResult(number, "failed", distinct_views, (math.nan,) * values, message=reason)
 
 
 def keyed_generator(name: str) -> np.random.Generator:
@@ -137,10 +138,9 @@ def row_of(result: SampleResult, params: int) -> Row:
     """A sample as a row; what is not a number has no value there."""
     if len(result.params) != params:
         raise ValueError(f"sample {result.number} has {len(result.params)} parameters; its case has {params}")
-    metrics = (result.reprojection_px, result.intersection_mm, result.reconstruction_mm, result.pose_mm)
     return (
         int(result.number), result.status, int(result.distinct_views),
-        *(None if math.isnan(value) else float(value) for value in metrics),
+        *(None if math.isnan(value) else float(value) for value in result.errors),
         np.asarray(result.params, dtype="<f8").tobytes(), int(result.iterations), result.message,
     )  # fmt: skip
 

@@ -15,7 +15,7 @@ from calib.studies.compare.cases import FIGURE, LENS_DRAWN, METRICS, CaseResult,
 from calib.studies.cost.ratios import CostPlan, CostRatio, CostTable, StartRow
 from calib.studies.identity import StudyIdentity
 from calib.studies.runner import DrawCount
-from calib.studies.samples import Case, SampleResult, StoredCase
+from calib.studies.samples import Case, SampleErrors, SampleResult, StoredCase
 from calib.studies.store import open_study
 from calib.studies.study_table import StudyCases, study_table
 from tests.support.study_cases import NAMES, Made, gamma, made, paper_cases, studied
@@ -61,9 +61,8 @@ def _study(cases: Mapping[Case, Made]) -> bytes:
 
 
 def _result(number: int, samples: Made) -> SampleResult:
-    reprojection, intersection, reconstruction, pose = samples.metrics[number].tolist()
-    params = tuple(samples.params[number].tolist())
-    return SampleResult(number, "converged", 4, reprojection, intersection, reconstruction, pose, params, 3)
+    params, errors = tuple(samples.params[number].tolist()), SampleErrors(*samples.metrics[number].tolist())
+    return SampleResult(number, "converged", 4, params, 3, errors=errors)
 
 
 @cache

@@ -12,7 +12,7 @@ import numpy as np
 
 from calib.solver.problem import SolveOptions
 from calib.studies.bootstrap import Pool, make_pool
-from calib.studies.samples import Case, SampleResult, draw_counts
+from calib.studies.samples import Case, SampleErrors, SampleResult, draw_counts
 from calib.studies.workers import CaseSpec
 
 # What workers do not need is imported where it is used: tests start many of them.
@@ -52,7 +52,7 @@ def made_up(pool: Pool, case: str, size: int, seed: int, number: int, message: s
     counts = draw_counts(seed, case, number, size, pool.view_count)
     numbers = np.abs(np.random.default_rng([number, size, *counts.tolist()]).normal(size=8)).tolist()
     distinct = int(np.count_nonzero(counts))
-    return SampleResult(number, "converged", distinct, *numbers[:3], float("nan"), tuple(numbers[4:]), 3, message)
+    return SampleResult(number, "converged", distinct, tuple(numbers[4:]), 3, message, SampleErrors(*numbers[:3]))
 
 
 def quick(pool: Pool, case: str, size: int, seed: int, numbers: range) -> list[SampleResult]:

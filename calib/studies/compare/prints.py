@@ -8,7 +8,7 @@ each correcting the last; large errors included.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from calib.solver.metrics.evaluation import errors_of
 from calib.solver.problem import AS_THE_PAPER
 from calib.solver.start import solve_poses
 from calib.studies.compare.scene import VIRTUAL, ComparedScene, ScenePool, stream, take_photos
-from calib.studies.samples import SampleResult, failed_sample
+from calib.studies.samples import SampleErrors, SampleResult, failed_sample
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.tolerance.model import ErrorModel, displaced_shape, draw_values
@@ -50,14 +50,6 @@ NO_EFFECT = "has no effect: poses or contours take it up"
 MOST_MULTIPLE = 1e6
 
 
-class MetricRow(NamedTuple):
-    """Root mean squares by the paper's metrics."""
-
-    reprojection_px: float
-    intersection_mm: float
-    reconstruction_mm: float
-
-
 @dataclass(frozen=True, eq=False)
 class SetsOfPhotos(ScenePool):
     """Sets of photos of prints of one target, for one camera model. Sample n is set n % sets of print n // sets."""
@@ -82,10 +74,8 @@ class SetsOfPhotos(ScenePool):
         row, pixel = metrics_of(solved), image_grid(solved.camera.image_size).reshape(-1, 2)
         image_share = float(errors.is_known(rays(solved.camera, pixel)).mean())
         values = (*_held_out(solved, held), image_share)
-        return SampleResult(
-            number, solved.status, seen.view_count, *row, math.nan, values, solved.iterations,
-            "" if solved.status == "converged" else " ".join(solved.remarks[:1]),
-        )  # fmt: skip
+        message = "" if solved.status == "converged" else " ".join(solved.remarks[:1])
+        return SampleResult(number, solved.status, seen.view_count, values, solved.iterations, message, row)
 
 
 def made_mm(scene: ComparedScene, model: ErrorModel | None, seed: int, number: int) -> Array:
@@ -103,10 +93,10 @@ def calibrate_with(seen: Observations, camera_model: str) -> Calibration:
     return calibrate(seen, camera_model, AS_THE_PAPER)
 
 
-def metrics_of(solved: Calibration) -> MetricRow:
+def metrics_of(solved: Calibration) -> SampleErrors:
     """The paper's three errors against the drawing."""
     found = {one.metric: errors.summarise(one).rmse for one in errors_of(solved, None)}
-    return MetricRow(found["reprojection"], found["intersection"], found["reconstruction"])
+    return SampleErrors(found["reprojection"], found["intersection"], found["reconstruction"])
 
 
 def _held_out(solved: Calibration, held: Observations) -> tuple[float, float, float, float]:
@@ -130,7 +120,7 @@ def _held_out(solved: Calibration, held: Observations) -> tuple[float, float, fl
         solved, observations=shown, cam_from_target=poses, residual_px=np.full((len(shown.view), 2), np.nan),
         is_outlier=np.zeros(len(shown.view), dtype=bool), pose_covariance=np.full((len(poses), 6, 6), np.nan),
     )  # fmt: skip
-    return (*metrics_of(one), share)
+    return (*metrics_of(one)[:3], share)
 
 
 def grouped(values: Array, numbers: Sequence[int], sets: int) -> Array:
@@ -160,12 +150,12 @@ class OneSource(ScenePool):
             return failed_sample(number, 0, self.value_count, str(error))
         size = multiple * self._drawn_size(seed, number)
         is_met = abs(row.intersection_mm / self.wanted_mm - 1) < 4 * CLOSE
+        message = "" if is_met else "no multiple gives the error that is wanted"
         return SampleResult(
-            number, "converged" if is_met else "stopped", self.scene.views, *row, math.nan, (size,), 0,
-            "" if is_met else "no multiple gives the error that is wanted",
-        )  # fmt: skip
+            number, "converged" if is_met else "stopped", self.scene.views, (size,), message=message, errors=row
+        )
 
-    def _search(self, seed: int, number: int) -> tuple[float, MetricRow]:
+    def _search(self, seed: int, number: int) -> tuple[float, SampleErrors]:
         """The multiple and the errors at it."""
         rest = self._errors(seed, number, 0.0).intersection_mm ** 2
         multiple = 1.0
@@ -180,7 +170,7 @@ class OneSource(ScenePool):
             multiple = min(multiple * step, MOST_MULTIPLE)
         return multiple, row
 
-    def _errors(self, seed: int, number: int, multiple: float) -> MetricRow:
+    def _errors(self, seed: int, number: int, multiple: float) -> SampleErrors:
         scene, noise = self.scene, multiple if self.source == NOISE else 1.0
         photos = stream(seed, scene.name, number, 0)
         return metrics_of(

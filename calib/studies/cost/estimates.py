@@ -26,7 +26,7 @@ from calib.solver.solve import solve
 from calib.solver.start import solve_poses
 from calib.studies.compare.prints import made_mm
 from calib.studies.compare.scene import ComparedScene, ScenePool, photograph, stream
-from calib.studies.samples import SampleResult, SampleStatus, failed_sample, sample_of_values
+from calib.studies.samples import SampleResult, SampleStatus, failed_sample
 from calib.studies.tolerance.seen import grid_of, map_error_px
 from calib.studies.workers import ValuePool
 from designer.base.arrays import Array
@@ -177,7 +177,7 @@ def _measured(
         steps += found.iterations
     values = tuple(value for row in rows.values() for value in row)
     status: SampleStatus = "converged" if not why else "stopped" if any(map(math.isfinite, values)) else "failed"
-    return sample_of_values(number, status, seen.view_count, values, steps, "; ".join(dict.fromkeys(why))[:300])
+    return SampleResult(number, status, seen.view_count, values, steps, "; ".join(dict.fromkeys(why))[:300])
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,7 +284,7 @@ class StartPool(ScenePool):
         }
         steps = [float(one.iterations) if reached[name] else math.nan for name, one in found.items()]
         total, values = sum(one.iterations for one in found.values()), (*map(float, reached.values()), *steps)
-        return sample_of_values(number, "converged", len(poses), values, total)
+        return SampleResult(number, "converged", len(poses), values, total)
 
 
 def bad_start(scene: ComparedScene, poses: Array, rng: np.random.Generator) -> tuple[Camera, Array]:

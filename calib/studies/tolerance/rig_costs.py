@@ -27,7 +27,7 @@ from calib.space.propagate import is_in_image, of_rows
 from calib.space.triangulate import triangulate_points
 from calib.studies.identity import StudyIdentity, identity_of
 from calib.studies.rig_bootstrap import pose_values, poses_of
-from calib.studies.samples import SampleResult, Samples, failed_sample, sample_of_values
+from calib.studies.samples import SampleResult, Samples, failed_sample
 from calib.studies.tolerance.draw import error_settings
 from calib.studies.tolerance.seen import CONTRAST_TO_NOISE, LEAST_RINGS, seen_in
 from calib.studies.workers import ValuePool
@@ -171,7 +171,7 @@ class PrintPool(ValuePool):
             return failed_sample(number, self.view_count, self.value_count, str(error))
         off = (math.nan,) * 4 if self.middle_mm is None else _off_in_space(self.frames.rig, found.rig, self.middle_mm)
         values = (*pose_values(found.rig), *off)
-        return sample_of_values(number, found.status, self.view_count, values, found.iterations)
+        return SampleResult(number, found.status, self.view_count, values, found.iterations)
 
 
 def print_identity(pool: PrintPool, seed: int) -> StudyIdentity:

@@ -19,7 +19,7 @@ from calib.renderer.scene import scene_from_target
 from calib.renderer.view import render_view
 from calib.studies.identity import identity_of
 from calib.studies.runner import DrawCount, Sampling, Tell
-from calib.studies.samples import Case, SampleResult, SampleStatus, sample_of_values
+from calib.studies.samples import Case, SampleResult, SampleStatus
 from calib.studies.tolerance.draw import (
     NONE,
     case_names,
@@ -140,7 +140,7 @@ class DrawPool(SamplePool):
             message = f"no solution with {', '.join(lost)}" if lost else ""
             values = tuple(draw.ravel().tolist())
             status: SampleStatus = "stopped" if lost else "converged"
-            results.append(sample_of_values(number, status, self.view_count, values, message=message))
+            results.append(SampleResult(number, status, self.view_count, values, message=message))
         return results
 
 

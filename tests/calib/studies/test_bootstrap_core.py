@@ -25,8 +25,8 @@ from calib.solver.schur import damped_step
 from calib.solver.solve import solve
 from calib.studies.bootstrap import Pool, expanded, make_pool, run_sample, solve_from_scratch
 from calib.studies.near import find_near
-from calib.studies.sample_metrics import Sample, SampleErrors, sample_errors
-from calib.studies.samples import SampleResult, draw_counts
+from calib.studies.sample_metrics import Sample, sample_errors
+from calib.studies.samples import SampleErrors, SampleResult, draw_counts
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
 from tests.support.solver_scenes import CAMERAS, board, icosahedron, observe, poses_around, random_covariances, rows_of
@@ -69,7 +69,7 @@ def polished(found: Calibration, options: SolveOptions) -> tuple[Array, Array]:
 
 
 def numbers_of(result: SampleResult) -> Array:
-    return np.array([result.reprojection_px, result.intersection_mm, result.reconstruction_mm, result.pose_mm])
+    return np.array(result.errors)
 
 
 @pytest.mark.parametrize("target", ["board", "icosahedron"])
@@ -273,7 +273,7 @@ def test_outliers_are_rejected_in_each_sample_anew() -> None:
     pool = make_pool(seen, "opencv", SolveOptions(reject_sigma=5.0), truth)
     result = run_sample(pool, draw_counts(0, "reject", 0, 12, VIEWS), 0)
     assert result.status == "converged"
-    assert result.reprojection_px < 0.2
+    assert result.errors.reprojection_px < 0.2
 
 
 def test_views_without_truth_in_the_pool_are_refused_if_none_is_known() -> None:

@@ -102,7 +102,7 @@ def test_sets_of_a_print_share_its_errors() -> None:
     pool = SetsOfPhotos(scene(), error_model("fdm-board"), "opencv", 3)
     every = pool.run("", SMALL, 1, range(6))
     assert pool.run("", SMALL, 1, range(4, 5)) == every[4:5]
-    table = grouped(np.array([one.intersection_mm for one in every]), [one.number for one in every], 3)
+    table = grouped(np.array([one.errors.intersection_mm for one in every]), [one.number for one in every], 3)
     assert table.std(axis=1).max() < 0.3 * np.abs(np.diff(table.mean(axis=1)))[0]
 
 
@@ -124,8 +124,8 @@ def test_one_source_is_scaled_until_the_error_is_met() -> None:
     model = error_model("fdm-board")
     small, large = (OneSource(scene(), model, "warp", wanted).run("", SMALL, 1, range(1))[0] for wanted in (0.05, 0.1))
     assert (small.status, large.status) == ("converged", "converged")
-    assert small.intersection_mm == pytest.approx(0.05, rel=0.02)
-    assert large.intersection_mm == pytest.approx(0.1, rel=0.02)
+    assert small.errors.intersection_mm == pytest.approx(0.05, rel=0.02)
+    assert large.errors.intersection_mm == pytest.approx(0.1, rel=0.02)
     assert large.params[0] / small.params[0] == pytest.approx(2, rel=0.03)
 
 
@@ -149,8 +149,8 @@ def test_noise_is_averaged_by_reconstruction() -> None:
         OneSource(scene(), error_model("fdm-board"), source, 0.1).run("", SMALL, 1, range(1))[0]
         for source in (NOISE, "warp")
     )
-    assert noise.reconstruction_mm < 0.6 * noise.intersection_mm
-    assert warp.reconstruction_mm > 0.9 * warp.intersection_mm
+    assert noise.errors.reconstruction_mm < 0.6 * noise.errors.intersection_mm
+    assert warp.errors.reconstruction_mm > 0.9 * warp.errors.intersection_mm
 
 
 def test_virtual_wins_behind_the_spline_lens() -> None:
@@ -159,7 +159,7 @@ def test_virtual_wins_behind_the_spline_lens() -> None:
     brown, learned = (
         SetsOfPhotos(lens, None, name, 1).run("", SMALL, 1, range(1))[0] for name in ("opencv", "virtual")
     )
-    assert learned.intersection_mm < 0.2 * brown.intersection_mm
+    assert learned.errors.intersection_mm < 0.2 * brown.errors.intersection_mm
     assert learned.params[1] < 0.2 * brown.params[1]  # held out
     assert 0.3 < learned.params[4] < brown.params[4] == 1  # share of the image
 

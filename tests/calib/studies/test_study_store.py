@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from calib.studies.identity import StudyIdentity, identity_of
-from calib.studies.samples import Case, SampleResult, StoredCase
+from calib.studies.samples import Case, SampleErrors, SampleResult, StoredCase
 from calib.studies.store import open_study, read_study
 from designer.base.errors import InputError
 
@@ -26,10 +26,10 @@ NAN, INF = float("nan"), float("inf")
 def result(number: int) -> SampleResult:
     """A sample with numbers that decimal digits do not hold."""
     value = np.abs(np.random.default_rng(number).normal(size=7)).tolist()
-    return SampleResult(number, "converged", 12, *value[:3], NAN, tuple(value[4:]), 3)
+    return SampleResult(number, "converged", 12, tuple(value[4:]), 3, errors=SampleErrors(*value[:3]))
 
 
-FAILED = SampleResult(3, "failed", 1, NAN, INF, NAN, NAN, (NAN,) * 3, 0, "kein Bild ✗ 'x'; \"y\"")
+FAILED = SampleResult(3, "failed", 1, (NAN,) * 3, 0, "kein Bild ✗ 'x'; \"y\"", SampleErrors(NAN, INF))
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ def test_what_is_kept_comes_back(path: Path) -> None:
     for number in (0, 1, 2, 4):
         one = result(number)
         assert tuple(samples.params[number]) == one.params
-        assert tuple(samples.metrics[number, :3]) == (one.reprojection_px, one.intersection_mm, one.reconstruction_mm)
+        assert tuple(samples.metrics[number, :3]) == one.errors[:3]
     np.testing.assert_array_equal(samples.metrics[3], [NAN, INF, NAN, NAN])
     assert np.isnan(samples.params[3]).all()
 
