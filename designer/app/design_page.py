@@ -198,7 +198,8 @@ def dimension_facts(design: Design) -> Facts:
     spec, target = design.job.target, design.target
     if target.marks is not None:
         hair = f"black squares and cells that touch are {1000 * HAIR_MM:g} µm apart, to be solids; no corner moves"
-        rows = (*spec.facts(), (target.feature_word, str(target.ring_count)), ("edges", hair), *_print_rows(design))
+        edges = (("edges", hair),) if target.marks[0].polygons_mm else ()
+        rows = (*spec.facts(), (target.feature_word, str(target.ring_count)), *edges, *_print_rows(design))
         return Facts((*rows, ("target id", target.geometry_id)))
     rings = f"{target.ring_count} with {int(target.is_dot.sum())} dots"
     counts = np.bincount(target.ring_face, minlength=target.face_count)

@@ -41,9 +41,21 @@ USUAL_SIZE_MM = (280.0, 200.0)
 BACK_DOTS: "frozenset[Index]" = frozenset({(0, 0), (3, 0), (1, 3)})
 """The mark of the back of a board with two faces: on both lattices no two of its dots are as far apart as two of the
 front's, so that a turned, shifted or mirrored part of one mark is no part of the other; two dots tell the face."""
-MARKS_OPTIONS = ("squares", "square", "marker", "dictionary", "first_id", "tags", "tag", "gap")
-MARKS_ACROSS: Mapping[str, tuple[int, int]] = {"chessboard": (10, 7), "charuco": (11, 8), "aprilgrid": (6, 4)}
-"""Of boards of which nothing is said: a chessboard whose sum is odd does not look the same turned by half a turn."""
+MARKS_OF: Mapping[str, tuple[str, ...]] = {
+    "chessboard": ("squares", "square"),
+    "charuco": ("squares", "square", "marker", "dictionary", "first_id"),
+    "aprilgrid": ("tags", "tag", "gap", "dictionary", "first_id"),
+    "circles": ("circles", "pitch", "diameter", "asymmetric"),
+}
+"""Their options: what is counted and its side or step first."""
+MARKS_OPTIONS = tuple(dict.fromkeys(name for names in MARKS_OF.values() for name in names if name != "pitch"))
+Counts = tuple[int, int]
+MARKS_ACROSS: Mapping[str, tuple[Counts, Counts]] = {
+    "chessboard": ((10, 7), (7, 10)), "charuco": ((11, 8), (8, 11)), "aprilgrid": ((6, 4), (4, 6)),
+    "circles": ((6, 9), (4, 11)),
+}  # fmt: skip
+"""Of wide and of high boards of which nothing is said: chessboards whose sum is odd, and asymmetric circles in an odd
+number of rows, do not look the same turned by half a turn."""
 MARKER_SHARE, TAG_SPACING = 0.75, 0.3
 """A marker's side over a square's, and the gap over a tag's side, as Kalibr's."""
 LEAST_ACROSS, LEAST_ACROSS_TWO_SIDED = 3, 4
@@ -150,11 +162,17 @@ class BoardSpec(Spec):
 class MarkedBoardSpec(BoardSpec):
     """A plate with marks that other detectors find; columns and rows count squares or tags, the pitch is theirs."""
 
-    marks: str = ""  # chessboard, charuco or aprilgrid
+    marks: str = ""  # as in MARKS_OF
     marker_mm: Annotated[float | None, LEFT_OUT] = None  # of a ChArUco board
     gap_mm: Annotated[float | None, LEFT_OUT] = None  # between tags
     dictionary: Annotated[str | None, LEFT_OUT] = None
     first_id: Annotated[int | None, LEFT_OUT] = None
+    asymmetric: Annotated[bool | None, LEFT_OUT] = None  # of circles
+
+    @property
+    def side_mm(self) -> float:
+        """Of a square or tag; of circles the step."""
+        return self.pitch_mm if self.marks == "circles" else self.ring_diameter_mm
 
     @property
     def face_marks(self) -> "FaceMarks":
@@ -162,6 +180,7 @@ class MarkedBoardSpec(BoardSpec):
         from designer.marks.aprilgrid import AprilGrid
         from designer.marks.charuco import Charuco
         from designer.marks.chessboard import Chessboard
+        from designer.marks.circles import Circles
 
         counts, first = (self.columns, self.rows), self.first_id or 0
         if self.marks == "charuco":
@@ -169,6 +188,8 @@ class MarkedBoardSpec(BoardSpec):
         if self.marks == "aprilgrid":
             spacing = round((self.gap_mm or 0.0) / self.ring_diameter_mm, 12)
             return AprilGrid(counts, self.ring_diameter_mm, spacing, self.dictionary or "", first)
+        if self.marks == "circles":
+            return Circles(counts, self.pitch_mm, self.ring_diameter_mm, asymmetric=bool(self.asymmetric))
         return Chessboard(counts, self.pitch_mm)
 
     def lay_out(self) -> "TargetGeometry":
@@ -199,9 +220,10 @@ class MarkedBoardSpec(BoardSpec):
 
     def options(self) -> Mapping[str, SpecValue]:
         """Of the plate and its marks."""
-        counts, side = f"{self.columns}x{self.rows}", format_mm(self.ring_diameter_mm)
-        of_tags = self.marks == "aprilgrid"
-        own: dict[str, SpecValue] = {("tags" if of_tags else "squares"): counts, ("tag" if of_tags else "square"): side}
+        counted, step = MARKS_OF[self.marks][:2]
+        own: dict[str, SpecValue] = {counted: f"{self.columns}x{self.rows}", step: format_mm(self.side_mm)}
+        if self.asymmetric is not None:
+            own |= {"diameter": format_mm(self.ring_diameter_mm), "asymmetric": self.asymmetric}
         if self.marker_mm is not None:
             own["marker"] = format_mm(self.marker_mm)
         if self.gap_mm is not None:
@@ -226,7 +248,8 @@ class AskedBoard(Asked):
     dots: Annotated[bool | None, Option("switch", "three dots that mark origin and orientation")] = None
     two_sided: Annotated[bool | None, Option("switch", "rings on both faces, with marks that tell them apart")] = None
     marks: Annotated[
-        str | None, Option("marks", "marks of other detectors instead of rings: chessboard, charuco or aprilgrid")
+        str | None,
+        Option("marks", "marks of other detectors instead of rings: chessboard, charuco, aprilgrid or circles"),
     ] = None
     squares: Annotated[tuple[int, int] | None, Option("counts", "squares of a chessboard or ChArUco: 11x8")] = None
     square: Annotated[float | None, Option("length above 0", "side of a square")] = None
@@ -236,13 +259,16 @@ class AskedBoard(Asked):
     tags: Annotated[tuple[int, int] | None, Option("counts", "tags of an AprilGrid: 6x4")] = None
     tag: Annotated[float | None, Option("length above 0", "side of a tag")] = None
     gap: Annotated[float | None, Option("length above 0", "between two tags (.3 of a tag)")] = None
+    circles: Annotated[tuple[int, int] | None, Option("counts", "circles in a row, and rows: 4x11")] = None
+    diameter: Annotated[float | None, Option("length above 0", "of circles (.7 of the way to the next)")] = None
+    asymmetric: Annotated[bool | None, Option("switch", "each second row of circles is shifted by half a step")] = None
 
     def sized(self, line: Line) -> tuple[BoardSpec, str]:
         """See `Asked.sized`."""
         if self.marks is not None:
             return _marked(self, self.marks, line)
         if odd := next((name for name in MARKS_OPTIONS if getattr(self, name) is not None), None):
-            raise InputError(f"{odd}: belongs to boards with --marks chessboard, charuco or aprilgrid; leave it out")
+            raise InputError(f"{odd}: belongs to boards with --marks {' or '.join(MARKS_OF)}; leave it out")
         lattice: Lattice = self.lattice or "square"
         asked_size = self.size if self.size is not None or self._has_rings else _usual_size_mm(line)
         if asked_size is not None and self.ring_diameter is None and self.pitch is None:
@@ -281,7 +307,7 @@ class AskedBoard(Asked):
     def size_name(self, spec: Spec) -> str:
         """Its size, or its rings and their distance, whichever was given."""
         if isinstance(spec, MarkedBoardSpec):
-            counts, side = f"{spec.columns}x{spec.rows}", format_mm(spec.ring_diameter_mm)
+            counts, side = f"{spec.columns}x{spec.rows}", format_mm(spec.side_mm)
             return f"{spec.marks}-{counts}-{side}{'-two-sided' * bool(self.two_sided)}"
         named = f"{self.columns}x{self.rows}-{format_mm(spec.pitch_mm)}"
         if not self._has_rings or self.size is not None:
@@ -308,40 +334,46 @@ class AskedBoard(Asked):
 
 def _marked(asked: AskedBoard, marks: str, line: Line) -> tuple[MarkedBoardSpec, str]:
     """A board with other detectors' marks, their sizes chosen for a process; see `Asked.sized`."""
-    of_tags = marks == "aprilgrid"
-    mine = ("tags", "tag", "gap") if of_tags else ("squares", "square", *(("marker",) if marks == "charuco" else ()))
-    mine = mine if marks == "chessboard" else (*mine, "dictionary", "first_id")
+    of_tags, of_circles, mine = marks == "aprilgrid", marks == "circles", MARKS_OF[marks]
     odd = [name for name in (*MARKS_OPTIONS, "columns", "rows", "lattice", "dots") if getattr(asked, name) is not None]
     if odd := [name for name in odd if name not in mine]:
         raise InputError(f"{odd[0]}: {marks} has none; leave it out, and use {', '.join(mine)}")
-    counts, side = (asked.tags, asked.tag) if of_tags else (asked.squares, asked.square)
+    counts, side = (getattr(asked, name) for name in mine[:2])
     if asked.gap is not None and side is None:
         raise InputError("gap: belongs to the tags' side; give --tag, too")
     spacing = asked.gap / side if asked.gap is not None and side is not None else TAG_SPACING * of_tags
-    # In sides of a square or tag: from one to the next, and the white around them.
-    step, around = 1 + spacing, (spacing if of_tags else 0.5) if asked.margin is None else 0.0
-    given_mm, size = asked.margin or 0.0, asked.size
+    is_aslant = of_circles and (counts is None if asked.asymmetric is None else asked.asymmetric)
+    wide = DIAMETER_OVER_PITCH * (math.sqrt(0.5) if is_aslant else 1.0)
+    # In sides of a square or tag, or steps of circles: what one more takes, what all take besides, the white around.
+    step, more = (1 + spacing, 1 + spacing), (spacing, spacing)  # with the small squares around tags
+    if of_circles:
+        step, more = (1.0, 0.5 if is_aslant else 1.0), (-0.5 if is_aslant else -1.0,) * 2
+        more = more if asked.diameter is not None else (more[0] + wide, more[1] + wide)
+    around = (spacing if of_tags else 0.25 if is_aslant else 0.5) if asked.margin is None else 0.0
+    given_mm, size = (asked.margin or 0.0) + (asked.diameter or 0.0) / 2, asked.size
     if size is None and (counts is None or side is None):
         size = _usual_size_mm(line)
     if counts is None and side is not None and size is not None:
-        room = [((one - 2 * given_mm) / side - 2 * around - spacing) / step for one in size]
-        counts = (math.floor(room[0] + 1e-9), math.floor(room[1] + 1e-9))
+        room = [(one - 2 * given_mm) / side - 2 * around for one in size]
+        columns, rows = (math.floor((room[k] - more[k]) / step[k] + 1e-9) for k in (0, 1))
+        counts = columns, rows - (is_aslant and rows % 2 == 0)
     if counts is None:
-        counts = MARKS_ACROSS[marks] if size is None or size[0] >= size[1] else MARKS_ACROSS[marks][::-1]
-    total = [count * step + spacing + 2 * around for count in counts]  # with the small squares around tags
+        counts = MARKS_ACROSS[marks][size is not None and size[0] < size[1]]
+    total = [counts[k] * step[k] + more[k] + 2 * around for k in (0, 1)]
     if side is None:
         side = min((one - 2 * given_mm) / sides for one, sides in zip(size or (0.0, 0.0), total, strict=True))
         side = math.floor(10 * side) / 10 if side > 1 else max(round_down(side), 0.01)
     needed = (total[0] * side + 2 * given_mm, total[1] * side + 2 * given_mm)
     spec = MarkedBoardSpec(
         size_mm=asked.size or (round_up(needed[0]), round_up(needed[1])), thickness_mm=asked.thickness or THICKNESS_MM,
-        columns=counts[0], rows=counts[1], lattice="square", ring_diameter_mm=side, ring_ratio=RING_RATIO,
-        pitch_mm=round(step * side, 9), border_mm=0.0,
+        columns=counts[0], rows=counts[1], lattice="square",
+        ring_diameter_mm=(asked.diameter or round_down(wide * side)) if of_circles else side, ring_ratio=RING_RATIO,
+        pitch_mm=round((1 + spacing) * side, 9), border_mm=0.0,
         margin_mm=round(asked.margin if asked.margin is not None else around * side, 9), dots=False,
         two_sided=asked.two_sided or None, marks=marks, gap_mm=round(spacing * side, 9) if of_tags else None,
         marker_mm=(asked.marker or round_down(MARKER_SHARE * side)) if marks == "charuco" else None,
-        dictionary=None if marks == "chessboard" else asked.dictionary or _dictionary(marks, counts, asked),
-        first_id=None if marks == "chessboard" else asked.first_id or 0,
+        dictionary=(asked.dictionary or _dictionary(marks, counts, asked)) if "dictionary" in mine else None,
+        first_id=asked.first_id or 0 if "dictionary" in mine else None, asymmetric=is_aslant if of_circles else None,
     )  # fmt: skip
     for name in ("ring_diameter", "pitch", "ring_ratio", "border"):  # which resolved specs of all kinds name
         wanted, own = getattr(asked, name), getattr(spec, name if name == "ring_ratio" else f"{name}_mm")
@@ -353,17 +385,21 @@ def _marked(asked: AskedBoard, marks: str, line: Line) -> tuple[MarkedBoardSpec,
 
 def _chosen_marks(asked: AskedBoard, spec: MarkedBoardSpec) -> Iterator[str]:
     """What was not given, and why it is as it is."""
-    side = f"{spec.ring_diameter_mm:g}mm"
-    if asked.squares is None and asked.tags is None:
-        yield f"{spec.columns} x {spec.rows} {'squares' if spec.gap_mm is None else 'tags'}"
-    if asked.square is None and asked.tag is None:
-        yield f"{'square' if spec.gap_mm is None else 'tag'} {side} (as large as fits)"
+    counted, step = MARKS_OF[spec.marks][:2]
+    if getattr(asked, counted) is None:
+        yield f"{spec.columns} x {spec.rows} {counted}{', every second row shifted' * bool(spec.asymmetric)}"
+    if getattr(asked, step) is None:
+        yield f"{step} {spec.side_mm:g}mm (as large as fits)"
+    if spec.asymmetric is not None and asked.diameter is None:
+        yield f"diameter {spec.ring_diameter_mm:g}mm ({DIAMETER_OVER_PITCH:g} of the way to the next)"
     if spec.marker_mm is not None and asked.marker is None:
         yield f"marker {spec.marker_mm:g}mm ({MARKER_SHARE:g} of a square)"
     if spec.gap_mm is not None and asked.gap is None:
         yield f"gap {spec.gap_mm:g}mm ({TAG_SPACING:g} of a tag, as Kalibr's)"
     if spec.dictionary is not None and asked.dictionary is None:
         yield f"dictionary {spec.dictionary}"
+    if (front := spec.face_marks).is_ambiguous:
+        yield f"turned it looks the same; {front.remedy} does not"
     if asked.size is None:
         yield f"board {format_mm(*spec.size_mm)}"
     if asked.thickness is None:
@@ -396,10 +432,11 @@ def _check_marked(spec: MarkedBoardSpec, line: Line, needed_mm: tuple[float, flo
             f"more than the board's {format_mm(*spec.size_mm)}; use fewer, smaller ones, or leave the size out"
         )
     if front.least_mm < line.nozzle_mm - 1e-9:
-        least = spec.ring_diameter_mm * line.comfortable_mm / front.least_mm
+        least = spec.side_mm * line.comfortable_mm / front.least_mm
+        coarser = " or a dictionary of fewer cells" if spec.dictionary is not None else ""
         raise InputError(
-            f"{what}: cells and gaps of {front.least_mm:.3g}mm are thinner than {line.process}; use a side of at least "
-            f"{least:.3g}mm, or a dictionary of fewer cells"
+            f"{what}: the narrowest black or white, {front.least_mm:.3g}mm, is thinner than {line.process}; use a "
+            f"{MARKS_OF[spec.marks][1]} of at least {least:.3g}mm{coarser}"
         )
     check_count(len(front.index) * (2 if spec.two_sided else 1), line)
 

@@ -254,7 +254,7 @@ READ: Mapping[Value, object] = {
     "mesh": Annotated[str, _text(_unicode)],
     "unit": Annotated[str, _text(_unit)],
     "corners": Annotated[tuple[tuple[float, float, float], ...], ItemCount(4, 1000)],
-    "marks": Literal["chessboard", "charuco", "aprilgrid"],
+    "marks": Literal["chessboard", "charuco", "aprilgrid", "circles"],
     "counts": Annotated[tuple[int, int], Reads(lambda value: _counts(cast("str", value)))],
     "dictionary": Annotated[str, _text(_dictionary)],
     "number": Annotated[int, Reads(_number)],

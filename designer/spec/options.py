@@ -82,7 +82,9 @@ class Asked(AskedPrinting, ABC):
 
     name: Annotated[str | None, Option("name", "base name of the files and of the folder")] = None
     ring_diameter: Annotated[float | None, Option("length above 0", "outer diameter of the rings")] = None
-    pitch: Annotated[float | None, Option("length above 0", "distance between neighbouring rings")] = None
+    pitch: Annotated[
+        float | None, Option("length above 0", "distance between neighbouring rings, or circles in a row")
+    ] = None
     ring_ratio: Annotated[float | None, Option("ratio", "inner over outer diameter of a ring (0.45)")] = None
     border: Annotated[float | None, Option("length from 0", "width of the black border")] = None
     margin: Annotated[float | None, Option("length from 0", "least white around the rings, to border or edge")] = None

@@ -28,6 +28,7 @@ BOARDS: dict[str, dict[str, object]] = {
     "chessboard": {"squares": "7x6", "square": "12mm"},
     "charuco": {"squares": "5x4", "square": "16mm", "dictionary": "4x4_50"},
     "aprilgrid": {"tags": "3x2", "tag": "24mm"},
+    "circles": {"circles": "3x5", "pitch": "20mm", "asymmetric": True},
 }
 each_kind = pytest.mark.parametrize("marks", BOARDS)
 
@@ -66,6 +67,11 @@ def test_body_and_ink_are_closed_and_the_ink_is_what_is_black(marks: str, build:
     assert face is not None
     black_mm2 = sum(np.prod(np.ptp(polygon, axis=0)) for polygon in face.polygons_mm)
     edge_mm = sum(2 * np.ptp(polygon, axis=0).sum() for polygon in face.polygons_mm)
+    if not face.polygons_mm:
+        # Each circle's area is its own, corrections beside.
+        radius_mm, count = np.array([face.radius_mm, face.radius_mm + offset_mm]), len(face.index)
+        black_mm2, grown_mm2 = count * np.pi * radius_mm**2
+        edge_mm = abs(grown_mm2 - black_mm2) / max(abs(offset_mm), 1e-9)
     ink_mm2 = solids[1].volume / design.job.printing.inlay_mm
     # Of black places that touch, sides that they share do not move.
     assert ink_mm2 - black_mm2 == pytest.approx(0, abs=edge_mm * (HAIR_MM / 2 + abs(offset_mm)) + 1e-3)
@@ -84,7 +90,11 @@ def test_opencv_finds_what_is_printed(marks: str) -> None:
     picture = cv2.GaussianBlur(printed(design), (0, 0), 1.0)
     face = design.target.marks[0] if design.target.marks else None
     assert face is not None
-    if marks == "chessboard":
+    if marks == "circles":
+        is_found, seen = cv2.findCirclesGrid(picture, (3, 5), flags=cv2.CALIB_CB_ASYMMETRIC_GRID)
+        assert is_found
+        corner = np.asarray(seen).reshape(-1, 2)
+    elif marks == "chessboard":
         is_found, seen = cv2.findChessboardCornersSB(picture, (6, 5))
         assert is_found
         corner = np.asarray(seen).reshape(-1, 2)
@@ -107,14 +117,14 @@ def test_opencv_finds_what_is_printed(marks: str) -> None:
             corner = np.concatenate([np.asarray(tags[row])[0][[1, 0, 3, 2]] for row in order])
     middle = np.array(picture.shape[::-1]) / 2 - 0.5
     off_mm = [np.abs((seen - middle) / 8 * [1, -1] - face.position_mm).max() for seen in (corner, corner[::-1])]
-    assert (min(off_mm) if marks == "chessboard" else off_mm[0]) < 0.05
+    assert (min(off_mm) if marks in {"chessboard", "circles"} else off_mm[0]) < 0.05
 
 
 @each_kind
 @pytest.mark.parametrize("more", [{}, {"build": "relief"}, {"margin": "9mm"}, {"first_id": 3}, {"two_sided": True}])
 def test_a_resolved_spec_and_a_target_file_are_read_back(marks: str, more: dict[str, object]) -> None:
     """The file beside the outputs makes the very same job, and the target file the same target."""
-    if marks == "chessboard" and more.keys() & {"first_id", "two_sided"}:
+    if marks in {"chessboard", "circles"} and more.keys() & {"first_id", "two_sided"}:
         return
     job = size_job(asked_for("board", {"marks": marks, **BOARDS[marks], **more})).job
     text = spec_to_toml(job)
@@ -154,7 +164,14 @@ def test_sizes_are_chosen_to_fit(marks: str, more: dict[str, object]) -> None:
         ({"squares": "9x6"}, "belongs to boards with --marks"),
         ({"marks": "charuco", "dictionary": "5x5_10"}, "did you mean 'DICT_5X5_100'"),
         ({"marks": "charuco", "squares": "20x20", "square": "12mm", "dictionary": "4x4_50"}, "use DICT_4X4_250"),
-        ({"marks": "rings"}, "must be 'chessboard' or 'charuco' or 'aprilgrid'"),
+        ({"marks": "rings"}, "must be 'chessboard' or 'charuco' or 'aprilgrid' or 'circles'"),
+        ({"marks": "circles", "circles": "4x11", "pitch": "1mm"}, "use a pitch of at least"),
+        ({"marks": "circles", "square": "9mm"}, "square: circles has none"),
+        (
+            {"marks": "circles", "circles": "4x5", "pitch": "20mm", "diameter": "21mm"},
+            "must be smaller than their distance",
+        ),
+        ({"marks": "circles", "two_sided": True}, "nothing tells two sides of circles apart"),
     ],
 )
 def test_what_cannot_be_is_refused(values: dict[str, object], said: str) -> None:

@@ -86,7 +86,7 @@ PLAUSIBLE: Mapping[str, st.SearchStrategy[object]] = {
     "mesh": st.just("none.stl"),
     "unit": st.sampled_from(["mm", "inch"]),
     "corners": st.just(SMALL["solid"]["vertices"]),
-    "marks": st.sampled_from(["chessboard", "charuco", "aprilgrid"]),
+    "marks": st.sampled_from(["chessboard", "charuco", "aprilgrid", "circles"]),
     "counts": st.builds("{}x{}".format, st.integers(2, 9), st.integers(2, 9)),
     "dictionary": st.sampled_from(["5x5_100", "DICT_APRILTAG_36h11"]),
     "number": st.integers(0, 20),
