@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import RBFInterpolator
 
 from calib.core.jit import jit
 from calib.renderer.polygons import Patches, patches_of
@@ -106,6 +105,8 @@ def _polygons_mm(marks: FaceMarks, point_mm: Array) -> tuple[Array, ...]:
     moved = point_mm - np.column_stack([nominal, np.zeros(len(nominal))])
     at = np.column_stack([corner, np.zeros(len(corner))])
     if np.abs(moved).max() > 1e-9:
+        from scipy.interpolate import RBFInterpolator
+
         at += RBFInterpolator(nominal, moved, kernel="thin_plate_spline")(corner)
     return tuple(np.split(at, np.cumsum([len(polygon) for polygon in marks.polygons_mm])[:-1]))
 

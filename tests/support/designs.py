@@ -1,6 +1,6 @@
 """Small two-filament targets for tests, made as the command makes them, and what else may be asked of them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 
 from hypothesis import strategies as st
@@ -14,6 +14,7 @@ from designer.spec.build import BUILDS, MOUNTS
 from designer.spec.format import FORMATS
 from designer.spec.kind import KINDS, kind_named
 from designer.spec.options import Asked, options_of
+from designer.spec.spec import Job
 
 COARSE = "50um"
 """Chord error of circles: fewer triangles to write, read and slice, and no rule depends on how many there are."""
@@ -76,6 +77,14 @@ def packages_of(design: Design) -> PlateFiles:
     """The design's 3MF packages."""
     job = design.job
     return plate_files(design.plates[0], job.printing)
+
+
+def step_in_place(_: str, job: Job) -> Callable[[], bytes]:
+    """Stands for `designer.builds.design.apart`, whose process takes four seconds to load the CAD kernel."""
+    from designer.make.cad import step_bytes
+
+    design = Design(job)
+    return lambda: step_bytes(job.target, design.printed_pattern, job.printing, name=job.name, scale=design.scale)
 
 
 PLAUSIBLE: Mapping[str, st.SearchStrategy[object]] = {

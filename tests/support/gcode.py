@@ -110,6 +110,8 @@ def slicer_settings(printer: PrinterProfile) -> Mapping[str, str]:
         # Solid throughout, so that the extruded volumes can be held against the model's.
         "fill_density": "100%",
         "fill_pattern": "rectilinear",
+        "seam_position": "rear",  # else it is sought for seconds where loops are least seen to begin
+        "resolution": "0.03",
         **{f"{kind}extrusion_width": width for kind in extrusions},
     }
 

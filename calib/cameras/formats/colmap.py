@@ -69,7 +69,7 @@ NUMBERED = (
 COUNTS = {"FOV": 5, "RAD_TAN_THIN_PRISM_FISHEYE": 16} | {lens.name: len(lens.names) for lens in LENSES}
 _COUNT, _CAMERA = struct.Struct("<Q"), struct.Struct("<IiQQ")
 
-_RECOGNISED = re.compile(r"^\s*[0-9]+[ \t]+[A-Z][A-Z_0-9]*[ \t]+[0-9]+[ \t]+[0-9]+[ \t]+[-+.0-9]", re.MULTILINE)
+_RECOGNISED = re.compile(r"^[ \t]*[0-9]+[ \t]+[A-Z][A-Z_0-9]*[ \t]+[0-9]+[ \t]+[0-9]+[ \t]+[-+.0-9]", re.MULTILINE)
 
 
 HEAD = "# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"

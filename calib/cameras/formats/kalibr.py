@@ -31,9 +31,7 @@ from calib.core.se3 import compose, invert
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 
-_RECOGNISED = re.compile(
-    r"^\s*camera_model\s*:.*?^\s*intrinsics\s*:|^\s*intrinsics\s*:.*?^\s*camera_model\s*:", re.MULTILINE | re.DOTALL
-)
+_RECOGNISED = re.compile(r"\A(?=(?s:.*?)^[ \t]*camera_model\s*:)(?=(?s:.*?)^[ \t]*intrinsics\s*:)", re.MULTILINE)
 
 
 SPHERE = FileLens("omni-none", "omni", "xi fx fy cx cy")
@@ -207,7 +205,7 @@ RIG_FORMAT = RigFormat(
     write=write_rig,
     read=read_rig,
     recognised=re.compile(
-        rf"^\s*{FROM_BEFORE}\s*:|\A(?=(?s:.*?)^cam1\s*:)(?=(?s:.*?)^\s*{FROM_IMU}\s*:)", re.MULTILINE
+        rf"^[ \t]*{FROM_BEFORE}\s*:|\A(?=(?s:.*?)^cam1\s*:)(?=(?s:.*?)^[ \t]*{FROM_IMU}\s*:)", re.MULTILINE
     ),
     keeps_frame=False,
 )

@@ -32,8 +32,8 @@ MODELS = ("none", "modified_brown_conrady", "inverse_brown_conrady", "ftheta", "
 LINEAR = ("fx", "fy", "ppx", "ppy")
 USED = (*LINEAR, "width", "height", "model", "coeffs")
 COEFFICIENTS = 5
-_STREAM = re.compile(r'^\s*Intrinsic of "([^"\n]{1,60})"\s*/\s*(\d+x\d+)', re.MULTILINE)
-_LINE = re.compile(r"^\s*(Width|Height|PPX|PPY|Fx|Fy|Distortion|Coeffs):[ \t]*(\S[^\n]{0,200})", re.MULTILINE)
+_STREAM = re.compile(r'^[ \t]*Intrinsic of "([^"\n]{1,60})"\s*/\s*(\d+x\d+)', re.MULTILINE)
+_LINE = re.compile(r"^[ \t]*(Width|Height|PPX|PPY|Fx|Fy|Distortion|Coeffs):[ \t]*(\S[^\n]{0,200})", re.MULTILINE)
 
 
 def write(camera: Camera, lens: FileLens) -> str:
@@ -161,7 +161,7 @@ FORMAT = CameraFormat(
     title="RealSense intrinsics",
     file_name="intrinsics.json",
     opens_with='in Python: values = json.load(open("{file}")); pyrealsense2.intrinsics() takes them, a field each',
-    recognised=re.compile(r'"ppx"\s*:|^\s*PPX:', re.MULTILINE),
+    recognised=re.compile(r'"ppx"\s*:|^[ \t]*PPX:', re.MULTILINE),
     lenses=LENSES,
     write=write,
     read=read,

@@ -67,7 +67,7 @@ FORMAT = CameraFormat(
     name="zed",
     title="ZED calibration",
     file_name="SN1234.conf",
-    recognised=re.compile(r"^\s*\[(?:LEFT|RIGHT)_CAM_[0-9A-Z]{1,10}\]", re.MULTILINE | re.IGNORECASE),
+    recognised=re.compile(r"^[ \t]*\[(?:LEFT|RIGHT)_CAM_[0-9A-Z]{1,10}\]", re.MULTILINE | re.IGNORECASE),
     read=read,
     holds_many=True,
 )
@@ -100,5 +100,5 @@ RIG_FORMAT = RigFormat(
     cameras=FORMAT,
     unit="mm",
     read=read_rig,
-    recognised=re.compile(r"^\s*\[STEREO\]\s*$(?s:.*?)^\s*Baseline\s*=", re.MULTILINE | re.IGNORECASE),
+    recognised=re.compile(r"^[ \t]*\[STEREO\]\s*$(?s:.*?)^[ \t]*Baseline\s*=", re.MULTILINE | re.IGNORECASE),
 )

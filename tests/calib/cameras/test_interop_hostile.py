@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calib.cameras.formats import FORMATS
+from calib.cameras.formats import FORMATS, READ_FORMATS, READ_RIG_FORMATS
 from calib.cameras.formats.format import MAX_FILE_BYTES
 from calib.cameras.formats.parsing import DEEPEST, MOST_NODES, parse_yaml
 from calib.cameras.formats.reading import open_camera
@@ -88,6 +88,12 @@ def test_bombs_are_refused_at_once(bomb: str) -> None:
         assert message.startswith("f.x: ")
         assert len(message.splitlines()) == 1
         assert len(message) < 250
+
+
+def test_kinds_are_told_in_time_that_grows_with_the_text() -> None:
+    """A pattern that takes line ends where a line begins takes the square of how many there are."""
+    patterns = [kind.recognised.pattern for kind in (*READ_FORMATS.values(), *READ_RIG_FORMATS.values())]
+    assert not [one for one in patterns if r"^\s" in one]
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import io
 import xml.etree.ElementTree as ET
+from functools import cache
 
 import numpy as np
 import pytest
@@ -16,12 +17,22 @@ KINDS = ("ico", "board", "cube", "solid")
 each = pytest.mark.parametrize("kind", KINDS)
 
 
-def mesh_of(design: Design) -> TexturedMesh:
+@cache
+def mesh_of(kind: str) -> TexturedMesh:
+    """The mesh of a small target, and its picture."""
+    design = small(kind)
     printing = design.job.printing
     return textured(design.artwork, design.job.target, (printing.body_colour, printing.ink_colour))
 
 
+@cache
+def read_small(kind: str) -> tuple[dict[str, bytes], trimesh.Trimesh]:
+    """The same of a small target; not to be changed."""
+    return read_obj(small(kind))
+
+
 def read_obj(design: Design) -> tuple[dict[str, bytes], trimesh.Trimesh]:
+    """A design's files, and what a reader makes of the OBJ."""
     files = {suffix: content for suffix, content, _ in EXPORTERS["simulator"](design)}
     resolver = trimesh.resolvers.ZipResolver(
         {f"{design.job.name}.{name}": io.BytesIO(one) for name, one in files.items()}
@@ -34,7 +45,7 @@ def read_obj(design: Design) -> tuple[dict[str, bytes], trimesh.Trimesh]:
 def test_rings_of_the_picture_are_where_the_target_has_them(kind: str) -> None:
     """The centre of gravity of each feature, in linear light, is its centre within .02 mm, and its area is right."""
     design = small(kind)
-    target, mesh = design.target, mesh_of(design)
+    target, mesh = design.target, mesh_of(kind)
     encoded = np.asarray(Image.open(io.BytesIO(mesh.picture)).convert("L")) / 255
     ink = 1 - np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     height, width = ink.shape
@@ -63,7 +74,7 @@ def test_rings_of_the_picture_are_where_the_target_has_them(kind: str) -> None:
 def test_the_mesh_is_the_target(kind: str) -> None:
     """Closed, in millimetres, as large as the target, with the picture that lies beside it, and not too large."""
     design = small(kind)
-    files, read = read_obj(design)
+    files, read = read_small(kind)
     solid, expected = read.copy(), design.part
     solid.merge_vertices(merge_tex=True, merge_norm=True)
     assert solid.is_watertight
@@ -80,7 +91,7 @@ def test_the_mesh_is_the_target(kind: str) -> None:
 def test_mass_and_inertia_are_those_of_the_print(kind: str) -> None:
     """As heavy as body and ink of the print; all files say the inertia that a reader computes of the mesh."""
     design = small(kind)
-    files, read = read_obj(design)
+    files, read = read_small(kind)
     solid = read.copy()
     solid.merge_vertices(merge_tex=True, merge_norm=True)
     mass_kg = 1e-3 * (design.estimate.body_g + design.estimate.ink_g)

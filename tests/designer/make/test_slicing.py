@@ -132,8 +132,8 @@ def sliced(command: str, design: Design, package: Path) -> Toolpaths:
 
 
 FINE: Mapping[str, Mapping[str, object]] = {
-    "octahedron": {"edge": "18mm"}, "corner": {"edge": "30mm"}, "tetrahedron": {"edge": "22mm"},
-    **{name: SMALL[name] for name in ("ico", "dodecahedron", "dome", "solid")},
+    "octahedron": {"edge": "16mm"}, "corner": {"edge": "26mm"}, "tetrahedron": {"edge": "18mm"},
+    "ico": {"edge": "14mm"}, "dodecahedron": {"edge": "10mm"}, "dome": {"edge": "14mm"}, "solid": SMALL["solid"],
 }  # fmt: skip
 """They have room for an inlay as deep as usual at a fine nozzle; thinner than a line, steep faces take it badly."""
 
@@ -143,7 +143,7 @@ def test_sliced_file_has_all_ink_in_the_targets_ink(name: str, tmp_path: Path) -
     """The sliced file is one object in two filaments, and the ink goes where the target has ink, and all of it."""
     command, design = require_slicer(), small(name)
     if name in FINE:
-        design = design_of(name, nozzle="0.2mm", chord_error=COARSE, **FINE[name])
+        design = design_of(name, nozzle="0.2mm", layer_height="0.16mm", chord_error=COARSE, **FINE[name])
     package = tmp_path / "target.3mf"
     package.write_bytes(packages_of(design).prusa)
     assert layout_findings(command, package) == []
