@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 
 from calib.cameras.camera import Camera
 from calib.core import homography
+from calib.core.linear_algebra import solve_square
 from calib.core.types import OUTSIDE, TOO_FLAT, Detections, FaceRecord
 from calib.detector.corner_fit import BLUR, TURN, CornerFits, fit_corners
 from calib.detector.lens import CameraLens, Lens, local_form, scale_to_weigh_with
 from calib.detector.marks import FINDERS, FoundFace
+from calib.detector.place import nearest_rows
 from calib.detector.ring_marks import COVERED, FAINT, FAINTEST, LEAST_CONTRAST, MAX_SIGMA_PX, ODD_SHAPE, OFF_GRID, VAGUE
 from calib.detector.ring_scores import variance_ratios
 from calib.detector.wide_guess import guess_lens
@@ -44,6 +46,10 @@ MOST_OFF = 0.2
 MOST_TURN_RAD = 0.3
 ROUNDS, LENS_ROUNDS = 3, 2
 TICKS, CLOSE = 96, 0.02
+AROUND, LEAST_AROUND = 12, 6
+"""Neighbours that tell where a point has to be."""
+STRAY, STRAY_FLOOR_PX, STRAY_ROUNDS = 5.0, 0.01, 4
+"""In standard deviations: of 80,000 corners that nothing covers .1 % lie farther off."""
 NOT_THERE = "no board of this target was found"
 NEW_OFF_PX = 0.5
 FOUND_SIGMA_PX = 0.1
@@ -295,12 +301,7 @@ def _measured(pixels: NDArray[np.generic], target: TargetGeometry, named: _Point
         assert lens is not None  # noqa: S101 - the first round has one
         places = _places(target, seen, lens, image_size)
         fits = _fitted(pixels, target, places, _starts(target, places, seen), blur_px)
-        reason = _judged(fits, target, places)
-        # What no finder has named may be where a cover ends: it has to be where it is predicted.
-        off = np.linalg.norm(fits.center_px - places.center_px, axis=1)
-        is_new = ~np.isin(places.ring, named.ring)
-        if not is_new.all():
-            reason[is_new & (off > NEW_OFF_PX + 3 * float(np.median(off[~is_new])))] = OFF_GRID
+        reason = _judged(fits, target, places, np.isin(places.ring, named.ring))
         good = reason == ""
         kept = int(np.isin(named.ring, places.ring[good]).sum())
         if not good.any() or 2 * kept < len(named.ring):
@@ -383,7 +384,7 @@ def _around(target: TargetGeometry, places: _Places) -> Neighbourhoods:
     return Neighbourhoods(*whole)
 
 
-def _judged(fits: CornerFits, target: TargetGeometry, places: _Places) -> NDArray[np.str_]:
+def _judged(fits: CornerFits, target: TargetGeometry, places: _Places, is_named: Flags) -> NDArray[np.str_]:
     """Why fits are refused; empty: they are not.  # (N,)"""
     count = len(fits.ok)
     reason = np.full(count, "", dtype="<U40")
@@ -398,7 +399,8 @@ def _judged(fits: CornerFits, target: TargetGeometry, places: _Places) -> NDArra
     contrast = np.abs(step)
     usual = float(np.median(contrast[good]))
     roughness = _roughness(fits)
-    distance = np.linalg.norm(fits.center_px - places.center_px, axis=1)
+    off = fits.center_px - places.center_px
+    distance = np.linalg.norm(off, axis=1)
     usual_distance = float(np.median(distance[good]))
     sigma = _sigma_px(fits.cov_px2)
     side = np.sign(np.linalg.det(way))[:, None] * np.array([1.0, -1.0])
@@ -409,14 +411,58 @@ def _judged(fits: CornerFits, target: TargetGeometry, places: _Places) -> NDArra
     reason[distance > 8 * usual_distance + 5 * np.where(good, sigma, 0) + 0.1] = OFF_GRID
     reason[distance > MOST_OFF * room_px] = OFF_GRID
     reason[(np.abs(turned) > MOST_TURN_RAD).any(axis=1) | (wide > 3 * usual_wide)] = ODD_SHAPE
-    reason[sigma > MAX_SIGMA_PX] = VAGUE
+    reason[sigma > MAX_SIGMA_PX / 2**0.5] = VAGUE
     # Noise does not shrink with the light.
     darker = np.maximum(usual / np.maximum(contrast, 1e-9), 1.0)
     reason[roughness > 3 * float(np.median(roughness[good])) * darker + 0.04] = COVERED
     reason[(contrast < FAINTEST * usual) | (contrast < LEAST_CONTRAST * fits.noise)] = FAINT
     reason[~good] = COVERED
     reason[~(room_px > LEAST_ROOM_PX)] = TOO_FLAT
+    # What no finder has named may be where a cover ends: it has to be where it is predicted.
+    if is_named.any():
+        reason[~is_named & (distance > NEW_OFF_PX + 3 * float(np.median(distance[is_named])))] = OFF_GRID
+    for face in np.unique(target.ring_face[places.ring]).tolist():
+        rows = np.flatnonzero((reason == "") & (target.ring_face[places.ring] == face))
+        at_mm = target.center_in_face_mm[places.ring[rows], :2]
+        reason[rows[strays(at_mm, off[rows], fits.cov_px2[rows])]] = OFF_GRID
     return reason
+
+
+def strays(at_mm: Array, off_px: Array, cov_px2: Array) -> Flags:
+    """Points that are not where those around them are: the edge of a cover is as sharp as a board's.  # (N,)
+
+    Over the neighbours of a point, without it, a linear map of their offsets is fitted, with Cauchy's weights squared;
+    what it leaves there is held against all covariances, and against what is usual on the face: lenses and paper bend.
+    """
+    stray = np.zeros(len(at_mm), dtype=np.bool_)
+    var = np.trace(cov_px2, axis1=1, axis2=2) / 2 + STRAY_FLOOR_PX**2
+    while (left := np.flatnonzero(~stray)).size > LEAST_AROUND:
+        near = nearest_rows(at_mm[left], at_mm[left], AROUND + 1)
+        is_other = near != np.arange(len(left))[:, None]
+        offset, each = off_px[left[near]], var[left[near]]
+        away = at_mm[left[near]] - at_mm[left][:, None]
+        linear = np.concatenate([np.ones((*near.shape, 1)), away / np.abs(away).max()], axis=2)
+        even = is_other / each
+        weight, size = even, np.zeros(near.shape)
+        for _ in range(STRAY_ROUNDS):
+            by_offset = np.swapaxes(linear * weight[..., None], 1, 2)
+            normal = by_offset @ linear
+            ridge = 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+            by_offset = solve_square(normal + ridge, by_offset)
+            size = np.linalg.norm(offset - linear @ (by_offset @ offset), axis=2) / np.sqrt(each)
+            usual = np.nanmedian(np.where(is_other, size, np.nan), axis=1, keepdims=True)
+            weight = even / (1 + (size / (2 * usual + 1e-9)) ** 2) ** 2
+        share = by_offset[:, 0]
+        rest = off_px[left] - np.einsum("nk,nki->ni", share, offset)
+        cov = np.einsum("nk,nkij->nij", share**2, cov_px2[left[near]]) + cov_px2[left] + STRAY_FLOOR_PX**2 * np.eye(2)
+        deviation = np.sqrt(np.einsum("ni,ni->n", rest, solve_square(cov, rest[..., None])[..., 0]))
+        # The worst one of a neighbourhood first: the others may look odd beside it only.
+        bad = deviation > STRAY * max(1.0, float(np.median(deviation)))
+        bad &= deviation >= deviation[near].max(axis=1)
+        if not bad.any():
+            break
+        stray[left[bad]] = True
+    return stray
 
 
 def _roughness(fits: CornerFits) -> Array:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.detector import pipeline
+from calib.detector import boards, pipeline
 from designer.marks.chessboard import Chessboard
 from designer.target import TargetGeometry, target_of_marks
 from tests.support.board_photos import BoardPhoto, checkered, facing
@@ -126,3 +126,16 @@ def test_a_covered_corner_is_not_told_and_the_others_are() -> None:
     assert sum(count for _, count in found.faces[0].missing) == 42 - len(found.ring)
     off = found.center_px - photo.seen_at(found.position_mm[:, :2])
     assert np.abs(off).max() < 0.1
+
+
+@pytest.mark.parametrize(("bend_px", "odd"), [(0.0, [16]), (0.3, [16]), (3.0, [])])
+def test_a_corner_beside_its_place_is_told_by_those_around_it(bend_px: float, odd: list[int]) -> None:
+    """One corner ten sigma off is refused and no other; where paper or lens bend a board by more, none at all."""
+    rng, board = np.random.default_rng(3), Chessboard((8, 7), 20.0)
+    sigma = rng.uniform(0.02, 0.08, len(board.position_mm))
+    off = rng.normal(size=(len(sigma), 2)) * sigma[:, None]
+    off[:, 0] += bend_px * (board.position_mm[:, 0] / 60) ** 2
+    off[16] += 10 * sigma[16]
+    cov = sigma[:, None, None] ** 2 * np.eye(2)
+    assert np.flatnonzero(boards.strays(board.position_mm, off, cov)).tolist() == odd
+    assert not boards.strays(board.position_mm[:5], off[:5], cov[:5]).any()
