@@ -145,7 +145,6 @@ class _Photo:
     seen: Sighting
     camera: int  # which of the cameras took it
     start: Array  # (4, 4) cam_from_target
-    count: int = 6
 
     def placed(self, own: Array, camera: Array, shape: Array) -> Placed:
         focal = _first_focal(self.seen) * math.exp(camera[0])
@@ -163,7 +162,6 @@ class _Scan:
     seen: Sighting
     start: Array  # (2, 3) pixels from mm: turn, and shift
     camera: int = -1
-    count: int = 6
 
     def placed(self, own: Array, camera: Array, shape: Array) -> Placed:
         scale, stretch, lean = own[3:]
@@ -187,9 +185,7 @@ def place(target: TargetGeometry, sightings: Sequence[Sighting], lengths: Sequen
         lengths: that were measured; with none, and no scan, the size stays as its prior has it.
     """
     cameras = list(dict.fromkeys(_camera_key(one) for one in sightings if one.dpi is None))
-    pictures = [picture for one in sightings for picture in [_nearest(target, one, cameras)]]
-    start = np.zeros(3 + 4 * len(cameras) + sum(one.count for one in pictures))
-    return _solved(target, pictures, cameras, lengths, start)
+    return _solved(target, [_nearest(target, one, cameras) for one in sightings], cameras, lengths)
 
 
 def _camera_key(seen: Sighting) -> tuple[tuple[int, int], float | None]:
@@ -216,7 +212,7 @@ def _nearest(target: TargetGeometry, seen: Sighting, cameras: list[tuple[tuple[i
         start = np.eye(4)
         start[:3, :3], start[:3, 3] = exp_rotation(np.ravel(turn)), np.ravel(shift)
         photo = _Photo(seen, cameras.index(_camera_key(seen)), start)
-        alone = _solved(target, [_Photo(seen, 0, start)], [_camera_key(seen)], (), np.zeros(3 + 4 + 6))
+        alone = _solved(target, [_Photo(seen, 0, start)], [_camera_key(seen)], ())
         tried.append((alone.rms_px[0], photo))
     return min(tried, key=lambda pair: pair[0])[1]
 
@@ -235,7 +231,6 @@ def _solved(
     pictures: Sequence[_Picture],
     cameras: Sequence[tuple[tuple[int, int], float | None]],
     lengths: Sequence[KnownLength],
-    start: Array,
 ) -> PlacedPictures:
     """Least squares with priors; rings are given as much error of their own as their residuals show."""
     from scipy.optimize import least_squares
@@ -246,12 +241,9 @@ def _solved(
 
     def placed(numbers: Array) -> list[Placed]:
         shape, shared = print_matrix(numbers[:3]), numbers[3 : 3 + 4 * len(cameras)].reshape(-1, 4)
-        own = np.split(numbers[3 + 4 * len(cameras) :], np.cumsum([one.count for one in pictures])[:-1])
-        none = np.zeros(4)
-        return [
-            one.placed(part, shared[one.camera] if one.camera >= 0 else none, shape)
-            for one, part in zip(pictures, own, strict=True)
-        ]
+        shared = np.concatenate([shared, np.zeros((1, 4))])  # a scan has no camera
+        own = numbers[3 + 4 * len(cameras) :].reshape(len(pictures), 6)
+        return [one.placed(part, shared[one.camera], shape) for one, part in zip(pictures, own, strict=True)]
 
     def residuals(numbers: Array, weights: list[Array]) -> Array:
         parts = [
@@ -265,7 +257,7 @@ def _solved(
         ]
         return np.concatenate([*parts, np.array(told), (numbers / prior_sigma)[has_prior]])
 
-    numbers, jitter = start, [CENTRE_FLOOR_PX] * len(pictures)
+    numbers, jitter = np.zeros(len(prior_sigma)), [CENTRE_FLOOR_PX] * len(pictures)
     for _ in range(ROUNDS):
         weights = [_weights(one.seen.cov_px2, own) for one, own in zip(pictures, jitter, strict=True)]
         fit = least_squares(residuals, numbers, args=(weights,), method="lm" if numbers.size < 60 else "trf")

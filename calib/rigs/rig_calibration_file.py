@@ -194,26 +194,6 @@ def read_rig(folder: Path) -> tuple[RigCalibration, Provenance]:
         raise InputError(f"{path}: a covariance of {len(record.covariance)} rows for {size} unknowns; solve again")
     if record.target is not None:
         points = record.target.known(points.geometry_id)
-    return _rig_of(record, alone, points), record.provenance
-
-
-def _read_camera(folder: Path, held: HeldCamera) -> Calibration:
-    """A camera's own folder, if it is the one that was solved with the others."""
-    path = folder / CAMERAS / held.folder / CALIBRATION_FILE
-    one, provenance = read_calibration(path)
-    if provenance.observations_sha256 != held.observations_sha256 or one.observations.view_count != len(held.frame):
-        raise InputError(f"{path}: does not belong to {folder / RIG_CALIBRATION_FILE}; solve the rig again")
-    return one
-
-
-def _same_points(one: KnownPoints, other: KnownPoints) -> bool:
-    return all(
-        np.array_equal(getattr(one, name), getattr(other, name)) for name in ("position_mm", "face", "plane")
-    ) and (one.geometry_id == other.geometry_id)
-
-
-def _rig_of(record: RigRecord, alone: Sequence[Calibration], points: KnownPoints) -> RigCalibration:
-    """A rig of its parts."""
     cameras = record.cameras
     seen = RigObservations(
         tuple(one.name for one in cameras),
@@ -241,4 +221,19 @@ def _rig_of(record: RigRecord, alone: Sequence[Calibration], points: KnownPoints
         target_bend=alone[0].target_bend,
         priors=tuple(one.priors for one in alone),
         **{name: getattr(record, name) for name in _ALIKE},
-    )
+    ), record.provenance
+
+
+def _read_camera(folder: Path, held: HeldCamera) -> Calibration:
+    """A camera's own folder, if it is the one that was solved with the others."""
+    path = folder / CAMERAS / held.folder / CALIBRATION_FILE
+    one, provenance = read_calibration(path)
+    if provenance.observations_sha256 != held.observations_sha256 or one.observations.view_count != len(held.frame):
+        raise InputError(f"{path}: does not belong to {folder / RIG_CALIBRATION_FILE}; solve the rig again")
+    return one
+
+
+def _same_points(one: KnownPoints, other: KnownPoints) -> bool:
+    return all(
+        np.array_equal(getattr(one, name), getattr(other, name)) for name in ("position_mm", "face", "plane")
+    ) and (one.geometry_id == other.geometry_id)

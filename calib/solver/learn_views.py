@@ -143,11 +143,6 @@ def learn_from_views(start: Calibration, options: SolveOptions) -> FromViews:
         )
     weights = seen.cov_px2 if options.weighted else None
     variance = np.ones(len(seen.view)) if weights is None else 0.5 * np.trace(weights, axis1=1, axis2=2)
-    return _alternate(seen, variance, start, options)
-
-
-def _alternate(seen: Observations, variance: Array, start: Calibration, options: SolveOptions) -> FromViews:
-    """Rounds of learning the map and solving the pinhole."""
     cells = cells_of(seen.center_px, variance)
     point = _updated(_map_of_camera(start.camera), seen, start, cells)
     points: list[Array] = []

@@ -168,14 +168,6 @@ def bend(
     minimum, straight = base.minimum, np.zeros(2 * model.control_rows * model.control_columns)
     camera = Camera(model.name, np.concatenate([minimum.camera.params, straight]), problem.image_size)
     state = _State(camera, minimum.cam_from_target, minimum.amount, iterations=minimum.iterations)
-    task = _bending(problem, model, tie)
-    is_beyond = problem.is_used & ~np.isfinite(task.misfit_of(state, RobustLoss()).residual_px).all(axis=0)
-    task = replace(task, problem=replace(problem, is_used=problem.is_used & ~is_beyond))
-    return _forgiving(task, state, is_beyond, options, cov_px2)
-
-
-def _bending(problem: Problem, model: SurfaceModel, tie: Tie) -> _Bending:
-    """What stays the same during a descent."""
     row = problem.rows(tie.row)
     spread: Array = (row[:, None] == np.arange(int(row.max(initial=-1)) + 1)).astype(np.float64)
     parts = roughness(
@@ -183,7 +175,10 @@ def _bending(problem: Problem, model: SurfaceModel, tie: Tie) -> _Bending:
         (model.control_rows, model.control_columns),
         0.5 * float(np.hypot(*problem.image_size)),
     )
-    return _Bending(problem, model, spread, parts)
+    task = _Bending(problem, model, spread, parts)
+    is_beyond = problem.is_used & ~np.isfinite(task.misfit_of(state, RobustLoss()).residual_px).all(axis=0)
+    task = replace(task, problem=replace(problem, is_used=problem.is_used & ~is_beyond))
+    return _forgiving(task, state, is_beyond, options, cov_px2)
 
 
 def _forgiving(
