@@ -11,6 +11,7 @@ from designer.base.answer import program
 from designer.base.errors import InputError
 from designer.base.marks import NOT_IN_FILE
 from designer.base.options import FARTHEST_MM, UNITS, argument, option, read_range
+from designer.base.words import figure as digits
 from designer.base.words import printable
 from designer.page.capability import capability
 from designer.page.result import Result
@@ -149,7 +150,7 @@ def budget(
     """
     import numpy as np
 
-    from calib.app.inputs import rig_of
+    from calib.app.inputs import load_rig
     from calib.space import budget as space
     from calib.space.budget import what_ifs
     from calib.space.budget_views import depth_curve, slices
@@ -157,7 +158,7 @@ def budget(
     from calib.space.triangulate import noise_of, noise_of_each
     from calib.space.volume import box_volume, default_volume, volume_between
 
-    known = rig_of(rig)
+    known = load_rig(rig)
     if not 2 <= seen_by <= max(len(known.names), 2) or len(known.names) < 2:
         few = "a rig of one camera: depth needs two; give a rig of two cameras or more"
         raise InputError(few if len(known.names) < 2 else f"--seen-by {seen_by}: must be from 2 to {len(known.names)}")
@@ -222,10 +223,8 @@ def _remarks(rig: "Rig", expected: "Expected", *, is_usual: bool) -> tuple[str, 
 
 
 def _page(found: Budget) -> "Page":
-    from calib.draw.rig_scene import rig_and_errors
-    from calib.draw.space import depth_drawing, slice_drawing
+    from calib.draw.rig_scene import depth_drawing, rig_and_errors, slice_drawing
     from calib.draw.style import figure_of
-    from designer.base.words import figure as digits
     from designer.page.blocks import Facts, Headline, Page, Section
     from designer.page.folders import Shown, notes, table_of
 
@@ -273,8 +272,6 @@ def _page(found: Budget) -> "Page":
 
 def _because(found: Budget) -> str:
     """What makes the error, in the volume's median point."""
-    from designer.base.words import figure as digits
-
     noise, rig, total = (one.median_mm for one in (found.by_noise, found.by_calibration, found.position))
     if math.isnan(rig):
         return "; by the noise of the pixels alone, for the rig's own errors are not known"

@@ -226,16 +226,14 @@ def _session_cameras(place: Path) -> set[Path]:
 
 def solutions_answer(solutions: Sequence[Solution], best: str | None, folder: Path) -> "dict[str, Value]":
     """All models, and the one to go on with."""
-    return {"best": best, "models": [_solution_answer(one, folder / one.path) for one in solutions]}
-
-
-def _solution_answer(solution: Solution, folder: Path) -> "dict[str, Value]":
-    if solution.evaluation is None:
-        return {"model": solution.model, "status": "failed", "failure": solution.failure}
-    return {
-        **evaluation_answer(solution.evaluation), "failure": None, "camera_file": str(folder / CAMERA_FILE),
-        "calibration_file": str(folder / CALIBRATION_FILE),
-    }  # fmt: skip
+    models: list[Value] = [
+        {"model": one.model, "status": "failed", "failure": one.failure} if one.evaluation is None else {
+            **evaluation_answer(one.evaluation), "failure": None, "camera_file": str(folder / one.path / CAMERA_FILE),
+            "calibration_file": str(folder / one.path / CALIBRATION_FILE),
+        }
+        for one in solutions
+    ]  # fmt: skip
+    return {"best": best, "models": models}
 
 
 def evaluation_answer(evaluation: Evaluation) -> "dict[str, Value]":

@@ -146,7 +146,7 @@ class TargetChoice(Result, kind="choice", title="Choice of a target", doing="loo
 
     def page(self) -> "Page":
         """The recommended one, what the others come to, and a few of its photos."""
-        from calib.app.choose_page import choice_page
+        from calib.app.plan_page import choice_page
 
         return choice_page(self)
 

@@ -10,14 +10,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 from calib.app.cameras_told import numbers_of, refit_numbers
-from calib.cameras import fitted_models
+from calib.cameras import fitted_models, parameter_names
 from calib.cameras.formats import ACCEPTED_PX, FORMATS, ONLY_READ, ONLY_WRITTEN, RIG_FORMATS, WRITTEN_FORMATS
 from designer.base.codec import encode_written
 from designer.base.errors import InputError
+from designer.base.files import JsonValue, check_folder, place_of, write_files
 from designer.base.options import argument, option
+from designer.base.own_files import require_ours, signed
 from designer.base.words import several, shown
 from designer.kinds.presets import camera_templates, one_of
 from designer.page.capability import capability, written_to
+from designer.page.output import Output, asked_output
 from designer.page.result import Result
 
 if TYPE_CHECKING:
@@ -29,9 +32,7 @@ if TYPE_CHECKING:
     from calib.cameras.formats.rig_format import RigFormat
     from calib.cameras.refit import Refit
     from calib.cameras.rig import Rig
-    from designer.base.files import JsonValue
     from designer.page.blocks import Page
-    from designer.page.output import Output
 
 ALL_FORMATS = tuple(dict.fromkeys([*FORMATS, *RIG_FORMATS]))
 ALL_WRITTEN, ALL_READ = (*ALL_FORMATS, *ONLY_WRITTEN), (*ALL_FORMATS, *ONLY_READ)
@@ -174,8 +175,6 @@ class Conversion(Result, kind="conversion", title="Conversion", doing="fitting l
                 else's.
         """
         from calib.cameras.formats.format import CameraFormat
-        from designer.base.files import place_of, write_files
-        from designer.base.own_files import require_ours, signed
 
         path = place_of(place, "a file or a folder to write")
         _check_out(path, self.format, self.opened)
@@ -292,7 +291,6 @@ def convert(
     from calib.cameras.formats.holding import fit_to_format
     from calib.cameras.formats.reading import OpenedRig, find_format, require_unit
     from calib.cameras.rig import Rig
-    from designer.page.output import asked_output
 
     zero, names = _lens_parameters(several("--without", without)), several("--cameras", cameras)
     output, is_object = asked_output(out), isinstance(camera, Camera | Rig)
@@ -415,9 +413,6 @@ def _in_frame(opened: "OpenedRig", frame: str | None) -> "OpenedRig":
 
 def _check_out(out: Path, target: "CameraFormat | RigFormat", source: "OpenedCamera | OpenedRig") -> None:
     """Refuse a place that does not suit the format, or holds the input, or something of somebody else's."""
-    from designer.base.files import check_folder
-    from designer.base.own_files import require_ours
-
     if _is_folder(target):
         check_folder(out)
         return
@@ -434,7 +429,6 @@ def _require_not_read(place: Path, source: "OpenedCamera | OpenedRig") -> None:
 
 def _lens_parameters(names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of lens parameters, checked."""
-    from calib.cameras import parameter_names
     from calib.cameras.refit import FOCAL_AND_CENTRE
 
     known = sorted({name for model in fitted_models() for name in parameter_names(model)[FOCAL_AND_CENTRE:]})

@@ -1,19 +1,21 @@
 """What a printed coupon tells of its printer: `calib coupon`, `calib.coupon("coupon.jpg")`."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from calib.app.options import MadeWithShrink, MadeWithSkew, Photos
 from designer.base.answer import program
 from designer.base.errors import InputError
+from designer.base.files import write_files
 from designer.base.marks import NOT_IN_FILE
 from designer.base.options import option
-from designer.base.units import NO_SKEW
+from designer.base.units import NO_SKEW, format_mm, format_skew
 from designer.base.words import counted
-from designer.kinds.presets import printer_templates
+from designer.kinds.presets import preset_or_file, printer_templates
 from designer.page.capability import capability, written_to
+from designer.page.output import Output
 from designer.page.progress import Progress, unheard
 from designer.page.result import Result
 
@@ -24,7 +26,6 @@ if TYPE_CHECKING:
     from calib.draw.print_errors import NextOption
     from calib.measure_target.lengths import CaliperLength
     from designer.page.blocks import Headline, Page, Table
-    from designer.page.output import Output
     from designer.target import TargetGeometry
 
 FILE = "file"
@@ -62,7 +63,6 @@ class CouponReading(Result, kind="coupon", title="Coupon"):
         Raises:
             InputError: no such printer, or a name or place that takes no such file.
         """
-        from designer.base.files import write_files
         from designer.kinds.spec_file import with_corrections
 
         place, before = _printer_file(path, printer)
@@ -75,12 +75,7 @@ class CouponReading(Result, kind="coupon", title="Coupon"):
 
 
 def _printer_file(path: "Place", printer: str | None) -> tuple[Path, Path]:
-    """Where a printer's file is to be written, and the one whose lines it takes over.
-
-    Raises:
-        InputError: no such printer, or a name that no printer's file has.
-    """
-    from designer.kinds.presets import preset_or_file
+    """Where a printer's file goes, and whose lines it takes over; InputError: no such printer, or no such name."""
     from designer.kinds.sizing import DEFAULT_PRINTER
 
     place = Path(path)
@@ -149,15 +144,11 @@ def coupon(
     Raises:
         InputError: files or options that break a rule, or not one photo that can be used; it says why.
     """
-    from dataclasses import replace
-
     from calib.app.inputs import photos_of
     from calib.coupon_reading.pictures import read_pictures
     from calib.coupon_reading.result import CouponMadeWith, next_of
     from calib.measure_target.deviations import Compensation
     from calib.measure_target.lengths import asked_lengths
-    from designer.base.units import format_mm, format_skew
-    from designer.page.output import output_of
 
     if save is not None:
         _printer_file(save, printer)
@@ -165,9 +156,7 @@ def coupon(
         raise InputError("--printer: is whose other lines --save takes over; give --save FILE.toml, or leave it out")
     if isinstance(dpi, str) and dpi != FILE:
         raise InputError(f"--dpi {dpi!r}: give a number such as 600, or {FILE}")
-    to = None if out is None else output_of(out)
-    if to is not None:
-        CouponReading.check(to.place)
+    to = CouponReading.begun(out)
     geometry = _coupon_target(target)
     asked = asked_lengths(lengths, geometry)
     made_with = CouponMadeWith(ink_offset_mm, Compensation(shrink_compensation_percent, skew_compensation_rad))
@@ -191,11 +180,7 @@ def coupon(
 
 
 def _coupon_target(target: "TargetGeometry | Place | None") -> "TargetGeometry":
-    """The coupon that photos show.
-
-    Raises:
-        InputError: a target without lines of graded width.
-    """
+    """The coupon that photos show; InputError: a target without lines of graded width."""
     from calib.app.inputs import target_of
     from designer.kinds.coupon import COUPON
     from designer.spec.kind import kind_named
@@ -221,7 +206,11 @@ def _page(told: CouponReading) -> "Page":
     seen = f"{count}; {sum(one.edges for one in used)} edges, {sum(one.rings for one in used)} rings"
     facts = [(one.name, one.value + (f" ± {one.sigma}" if one.sigma else "")) for one in options]
     facts += [("measured from", seen)]
-    facts += [(_label(name), value) for name, value in told.settings.items() if value]
+    plain = ("length", "dpi")
+    facts += [
+        (name if name in plain else f"printed with {name.replace('-', ' ')}", value)
+        for name, value in told.settings.items() if value
+    ]  # fmt: skip
     bleeds = (
         ("black between white, mean", found.bleed_mm, millimetres),
         *((f"black between white, along {axis}", one, millimetres) for axis, one in found.black_mm.items()),
@@ -259,10 +248,6 @@ def _page(told: CouponReading) -> "Page":
     )  # fmt: skip
 
 
-def _label(setting: str) -> str:
-    return setting if setting in ("length", "dpi") else f"printed with {setting.replace('-', ' ')}"
-
-
 def _headline(told: CouponReading) -> "Headline":
     """Bleed, shape, and how sure it is."""
     from calib.draw.print_errors import degrees, millimetres, percent
@@ -290,7 +275,6 @@ def _headline(told: CouponReading) -> "Headline":
 def _options(told: CouponReading) -> "tuple[NextOption, ...]":
     """What the next design is to be printed with."""
     from calib.draw.print_errors import NextOption, next_options
-    from designer.base.units import format_mm
 
     offset_mm, made_mm = told.next_print.ink_offset_mm, told.made_with.ink_offset_mm
     ink = NextOption(

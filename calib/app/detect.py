@@ -1,5 +1,6 @@
 """A target's rings in photos: `calib detect`, `calib.detect(image, "ico.target.json")`, `calib.detect_photos(...)`."""
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -8,10 +9,12 @@ from typing import TYPE_CHECKING, Annotated, cast
 from calib.app.cameras_told import remarks_on
 from calib.app.options import PhotoJobs, Photos, Target, exports_folder
 from designer.base.errors import InputError
+from designer.base.files import place_of
 from designer.base.options import option
 from designer.base.words import shown
 from designer.kinds.presets import camera_templates
 from designer.page.capability import capability, written_to
+from designer.page.output import Output, output_of
 from designer.page.progress import Progress, unheard
 from designer.page.result import Result
 
@@ -25,7 +28,6 @@ if TYPE_CHECKING:
     from designer.base.answer import Value
     from designer.base.arrays import Image
     from designer.page.blocks import Page
-    from designer.page.output import Output
     from designer.target import TargetGeometry
 
     Pixels = np.typing.NDArray[np.generic]
@@ -88,7 +90,6 @@ class DetectedPhotos(Result, kind="detections", title="Detections"):
         """
         from calib.observe.dataset import check_output, records_path
         from calib.observe.search import write_search
-        from designer.base.files import place_of
 
         table = place_of(place, "a .csv file")
         check_output(table)
@@ -153,14 +154,10 @@ def detect_photos(
     Raises:
         InputError: a file that cannot be read, no photos, or a place that takes no such file.
     """
-    from contextlib import nullcontext
-
     from calib.app.inputs import in_order, opened_camera, photos_of, target_of
     from calib.observe.dataset import check_output
     from calib.observe.photos import keep_pictures, staging_folder
     from calib.observe.search import PhotoSearch, with_truth
-    from designer.base.files import place_of
-    from designer.page.output import output_of
 
     geometry = target_of(in_order(target, "calib detect TARGET PHOTO...", target=target, photos=photos), "rings")
     read = None if camera is None else opened_camera(camera).read
@@ -202,11 +199,11 @@ class Detector:
     """
 
     def __init__(self, target: "TargetGeometry | Place", camera: "Camera | Place | None" = None) -> None:
-        from calib.app.inputs import camera_of, target_of
+        from calib.app.inputs import load_camera, target_of
         from calib.observe.search import look_for
 
         self.target = target_of(target, "rings")
-        self.camera = None if camera is None else camera_of(camera)
+        self.camera = None if camera is None else load_camera(camera)
         self._look = look_for(self.target, self.camera)
 
     def detect(self, image: "Pixels | Place", name: str = "") -> "Detections":

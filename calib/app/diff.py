@@ -10,8 +10,10 @@ from calib.app.cameras_told import numbers_of
 from designer.base.codec import encode_written
 from designer.base.errors import InputError
 from designer.base.options import argument, option
+from designer.base.own_files import require_ours
 from designer.base.words import printable
 from designer.page.capability import capability
+from designer.page.output import Output, asked_output
 from designer.page.result import Result
 
 if TYPE_CHECKING:
@@ -24,7 +26,6 @@ if TYPE_CHECKING:
     from calib.rigs.relative import CameraApart, PairDifference, RigDifference
     from designer.base.files import JsonValue
     from designer.page.blocks import Cell, Headline, Page, Table
-    from designer.page.output import Output
 
     _Zone = tuple[str, ZoneDifference]
     _Apart = CameraApart
@@ -152,7 +153,6 @@ def diff(
     from calib.cameras.refit import camera_difference
     from calib.cameras.rig import Rig
     from calib.rigs.relative import compare_rigs
-    from designer.page.output import asked_output
 
     output = asked_output(out)
     names = [fspath(one) if isinstance(one, str | PathLike) else f"a {type(one).__name__.lower()}" for one in (a, b)]
@@ -199,8 +199,6 @@ def _remarks(names: list[str], lines: list[tuple[str, ...]]) -> tuple[str, ...]:
 
 def _check_picture(picture: Path, opened: "tuple[OpenedCamera, ...]") -> None:
     """Refuse a place that is no PNG file, an input, or holds something else, before any work is done."""
-    from designer.base.own_files import require_ours
-
     if picture.suffix.lower() != ".png":
         raise InputError(f"{picture}: the picture is a .png file; name it so, such as {picture.stem or 'diff'}.png")
     if any(one.is_file(picture) for one in opened):

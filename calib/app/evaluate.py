@@ -1,6 +1,6 @@
 """How large a camera's errors are: `calib evaluate`, `calib.evaluate("camera", held_out=5)`."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Annotated, cast
 from calib.app import options
 from calib.app.calibration import LEAST_VIEWS_HELD_OUT, Run
 from designer.base.errors import InputError
+from designer.base.files import check_folder, place_of, write_files
 from designer.base.options import argument, option
+from designer.base.own_files import require_ours
+from designer.base.words import NAME, figure, printable
 from designer.page.capability import capability
 from designer.page.result import Result
 from designer.page.terminal import quoted
@@ -37,6 +40,7 @@ class CameraErrors(
 ):  # fmt: skip
     """The errors of a camera by all metrics that apply: `found.of("reprojection")`, `found.save("camera")`."""
 
+    remarks = ()
     solved_from: "Evaluation"  # on the photos that the camera was solved from
     held_out: "Evaluation | None"  # on each photo with a camera solved from others; None: that was not asked for
     on: "Evaluation | None" = None  # on sightings that the camera was not solved from; likewise
@@ -58,17 +62,11 @@ class CameraErrors(
         """The photos do not determine the camera."""
         return self.calibration.status == "degenerate"
 
-    @property
-    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]  # a field of other results
-        """None beside the page's."""
-        return ()
-
     def page(self) -> "Page":
         """The errors, what was left out of them, and tables."""
         from calib.draw.run_photos import photo_rows, views_table
         from calib.draw.run_tables import errors_table, faces_table, parameters_table
         from calib.solver.metrics.evaluation_files import metrics_of
-        from designer.base.words import printable
         from designer.page.blocks import Command, Facts, Finding, Findings, Page, Section
 
         asked, calibration = self.asked, self.asked.calibration
@@ -117,10 +115,6 @@ class CameraErrors(
         Raises:
             InputError: the message names it.
         """
-        from designer.base.files import check_folder
-        from designer.base.own_files import require_ours
-        from designer.base.words import NAME
-
         check_folder(folder)
         require_ours(folder / "metrics.json", kind=f"{NAME}.metrics")
 
@@ -131,7 +125,6 @@ class CameraErrors(
             InputError: the folder takes no files, or holds somebody else's.
         """
         from calib.solver.metrics.evaluation_files import evaluation_files
-        from designer.base.files import place_of, write_files
 
         place = place_of(folder, "a folder, such as '.'")
         self.check(place)
@@ -161,7 +154,6 @@ class CameraErrors(
 def _errors_headline(evaluation: "Evaluation") -> "Headline":
     """The root mean square of each error, and of which photos."""
     from calib.solver.metrics.evaluation_files import metrics_of
-    from designer.base.words import figure
     from designer.page.blocks import Headline
 
     if evaluation.calibration.status == "degenerate":
@@ -183,11 +175,7 @@ def _sample(evaluation: "Evaluation") -> str:
     return "a photo's own pose is found from itself, the camera from others; reconstruction uses the photos of one part"
 
 
-def _folder(given: Mapping[str, object]) -> Path:
-    return calibration_in(cast(Path, given["calibration"])).parent
-
-
-@capability(folder=_folder)
+@capability(folder=lambda given: calibration_in(cast(Path, given["calibration"])).parent)
 def evaluate(
     calibration: Annotated["Run | Place", argument("a calibration.json, or the folder it lies in")],
     *,
@@ -222,7 +210,6 @@ def evaluate(
     from calib.observe.calibration_file import read_calibration
     from calib.solver.metrics.evaluation import evaluate as evaluate_all
     from calib.solver.metrics.evaluation import evaluate_on
-    from designer.base.files import place_of
 
     told = {"--target": target, "--image-size": image_size, "--grid": grid, "--pitch": pitch_mm}
     _check(held_out, on, truth, [name for name, value in told.items() if value is not None])

@@ -8,6 +8,7 @@ from calib.app.hand_eye_poses import Euler, Inverted, PoseUnit, TargetInHand, ha
 from calib.app.options import Fix, FreeBend, Limits, Made, Minimise, Model, PhotoJobs, Points, Priors
 from calib.app.solved_rig import SolvedRig, begun, finished, folder_for, settings_of
 from designer.base.errors import InputError
+from designer.base.files import place_of
 from designer.base.options import argument, option
 from designer.base.units import parse_angle_rad, parse_length_mm
 from designer.base.words import shown
@@ -123,10 +124,8 @@ def hand_eye(
     if isinstance(robot, RobotPoses) and (inverted or unit is not None or euler is not None):
         raise InputError("inverted, unit, euler: tell how a file of robot poses is read; these poses are read already")
     poses = robot if isinstance(robot, RobotPoses) else _poses(photos, robot, tf, unit, euler, inverted=inverted)
-    limits, wishes = (
-        criteria_of(criteria),
-        wishes_of_one(camera, model, fix, priors, minimise, free_bend, refine=refine),
-    )
+    limits = criteria_of(criteria)
+    wishes = wishes_of_one(camera, model, fix, priors, minimise, free_bend, refine=refine)
     taken = photos_given(photos, images, image) if images is not None else _photos(photos, image, poses)
     seen = seen_by_one(target, taken, table, points_of(points, diameter_mm), wishes, jobs, progress).with_made(made)
     setting = RobotSetting(target_in_hand, target_size, *(robot_noise or (None, None)))
@@ -146,7 +145,6 @@ def _poses(
     from calib.images.bag import Bag, bag_named
     from calib.observe.robot_poses import read_robot_poses
     from calib.observe.transforms import poses_in, transforms_in
-    from designer.base.files import place_of
 
     named = None if robot is None else bag_named(fspath(place_of(robot, "a file of robot poses")))
     if robot is not None and named is None:
@@ -197,7 +195,7 @@ def wishes_of_one(
     Raises:
         InputError: what it cannot have.
     """
-    from calib.app.inputs import camera_of
+    from calib.app.inputs import load_camera
     from calib.cameras.rig import ALONE
     from calib.judge.joint_solution import require_wishes, wishes_of
     from calib.solver.plan import ALL, plan_from_words
@@ -205,7 +203,7 @@ def wishes_of_one(
 
     if refine and camera is None:
         raise InputError("--refine: there is no lens to solve on from; give --camera, or leave it out")
-    given = {} if camera is None else {ALONE: camera_of(camera)}
+    given = {} if camera is None else {ALONE: load_camera(camera)}
     options = plan_from_words(ALL, minimise=minimise, free_bend=free_bend).options
     wishes = wishes_of(model, given, refine, fix, options, texts_of(priors))
     require_wishes(wishes, (ALONE,))
@@ -257,7 +255,6 @@ def _of_table(
     from calib.app.inputs import load_observations
     from calib.observe.rig_observations import read_rig_sightings
     from calib.observe.rig_photos import tells_cameras
-    from designer.base.files import place_of
 
     path = place_of(table, "a table of observations")
     if not (path.is_file() and tells_cameras(path)):

@@ -235,11 +235,7 @@ def _poses(
 
 
 def _covariances(given: "Array", count: int) -> "Array":
-    """One a pose, and such as can be.
-
-    Raises:
-        InputError: they are none.
-    """
+    """One a pose, and such as can be; InputError: they are none."""
     import numpy as np
 
     covariance = np.asarray(given, dtype=np.float64)
@@ -274,7 +270,7 @@ def _paired(seen: "RobotPoses", robot: "RobotPoses") -> tuple[list[int], list[in
 
 
 def _page(found: HandEyeOfPoses, *, is_drawn: bool = True) -> "Page":
-    from calib.draw.pose_errors import pose_errors_drawing
+    from calib.draw.rig_tables import pose_errors_drawing
     from calib.draw.style import figure_of
     from designer.page.blocks import Facts, Page, Section
     from designer.page.folders import Shown, notes, table_of

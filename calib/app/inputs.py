@@ -1,6 +1,5 @@
 """What public functions take: a value, or the file that it stands in."""
 
-import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -8,7 +7,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, TypeVar, cast
 
-from calib.app.options import MOST_JOBS, grid_of
+from calib.app.options import grid_of
 from calib.cameras.formats import ACCEPTED_PX, FORMATS, OWN, RIG_FORMATS
 from calib.core.types import Detections, Observations, RigObservations
 from designer.base.errors import InputError
@@ -38,12 +37,12 @@ Observed: TypeAlias = Observations | Place | Iterable[Detections]
 """What a camera is solved from: observations, a file of them, or what was found in photos."""
 
 
-def load_camera(name: Place) -> "Camera":
+def load_camera(name: "Camera | Place") -> "Camera":
     """Read a camera: `load_camera("camera.json")`.
 
     Args:
         name: a file of ours or of another tool, `chain.yaml#cam1` of a file with several, the folder of a
-            `camera.json`, or a template.
+            `camera.json`, or a template; a camera stays as it is.
 
     Raises:
         InputError: no such file, of no known kind, or not valid.
@@ -155,11 +154,7 @@ def file_or_observations(
 
 
 def _with_names_of_their_own(found: tuple[Detections, ...]) -> tuple[Detections, ...]:
-    """The detections with repeated names numbered: arrays have none, and a photo is known by its own.
-
-    Raises:
-        InputError: something else is among them.
-    """
+    """The detections, repeated names numbered, as arrays have none; InputError: something else is among them."""
     for one in found:
         if not isinstance(one, Detections):
             raise InputError(f"{type(one).__name__}: give detections, or the file of a table")
@@ -225,15 +220,6 @@ def require_told_apart(target: "TargetGeometry", what: str) -> None:
         )
 
 
-def camera_of(camera: "Camera | Place") -> "Camera":
-    """A camera, or that of a file or template.
-
-    Raises:
-        InputError: neither, or a file that cannot be read.
-    """
-    return opened_camera(camera).read.camera
-
-
 def opened_camera(camera: "Camera | Place", kind: str | None = None, accept_px: float = ACCEPTED_PX) -> "OpenedCamera":
     """A camera with the kind of file that it comes from, which is ours for one that comes from none.
 
@@ -265,20 +251,21 @@ def _camera_of_bag(name: str, kind: str | None) -> "OpenedCamera | None":
     return OpenedCamera(FORMATS["ros"], replace(read, remarks=(*read.remarks, *filter(None, (doubt,)))), named[0])
 
 
-def load_rig(name: Place, *, unit: str | None = None) -> "Rig":
+def load_rig(name: "Rig | Place", *, unit: str | None = None) -> "Rig":
     """Read a rig: `load_rig("rig.json").cam_from_rig`.
 
     Args:
         name: a rig.json, a file of another tool, or a folder with one or with a file a camera; of one camera its file
-            is a rig's of that camera alone.
+            is a rig's of that camera alone; a rig stays as it is.
         unit: "mm" or "m", of lengths in a file of a tool that takes any and does not say; None: the usual one.
 
     Raises:
         InputError: no such file, of no known kind, or not valid.
     """
     from calib.cameras.formats.reading import open_rig
+    from calib.cameras.rig import Rig
 
-    return open_rig(place_of(name, "a rig.json"), unit=unit).read.rig
+    return name if isinstance(name, Rig) else open_rig(place_of(name, "a rig, or its file"), unit=unit).read.rig
 
 
 def points_of(points: str | None, diameter_mm: float | None) -> tuple[str | None, float | None]:
@@ -296,17 +283,6 @@ def points_of(points: str | None, diameter_mm: float | None) -> tuple[str | None
     if diameter_mm is not None:
         raise InputError(f"--points {shown(points)}: says the diameter; leave diameter_mm out")
     return kind, parsed("--points", diameter, parse_length_mm)
-
-
-def rig_of(rig: "Rig | Place") -> "Rig":
-    """A rig, or that of a file.
-
-    Raises:
-        InputError: neither, or a file that cannot be read.
-    """
-    from calib.cameras.rig import Rig
-
-    return rig if isinstance(rig, Rig) else load_rig(place_of(rig, "a rig, or its file"))
 
 
 def opened_rig(rig: "Rig") -> "OpenedRig":
@@ -334,19 +310,6 @@ def rig_named(
         return open_rig(place, kind, unit, accept_px)
     found = rig_format_of(place)
     return None if found is None or kind not in (None, found.name) else open_rig(place, found.name, unit, accept_px)
-
-
-def processes_of(jobs: int | None) -> int:
-    """How many things are done at a time; None: one per core.
-
-    Raises:
-        InputError: none, or absurdly many.
-    """
-    if jobs is None:
-        return os.cpu_count() or 1
-    from calib.renderer.quantities import whole
-
-    return whole("--jobs", jobs, 1, MOST_JOBS)
 
 
 def require_photos_for_jobs(jobs: int | None) -> None:

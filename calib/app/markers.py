@@ -10,18 +10,19 @@ from calib.app.detect import DETECTIONS_FILE
 from calib.app.options import Target
 from calib.observe.marker_files import MARKER_FORMATS, MarkerFormat
 from designer.base.errors import InputError
+from designer.base.files import check_folder, place_of, write_files
 from designer.base.marks import NOT_IN_FILE
 from designer.base.options import argument, option
 from designer.base.words import shown, suggestion_or_all
 from designer.kinds.presets import one_of
 from designer.page.capability import capability, written_to
+from designer.page.output import Output, asked_output, output_of
 from designer.page.result import Result
 
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.core.types import Detections
     from designer.page.blocks import Page
-    from designer.page.output import Output
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +57,6 @@ class MarkersInPhotos(Result, kind="markers", title="Markers in photos", doing="
         Raises:
             InputError: they cannot be written, or are somebody else's.
         """
-        from designer.base.files import check_folder, write_files
-        from designer.page.output import output_of
-
         folder = output_of(place).place
         check_folder(folder)
         files = {folder / name: text.encode() for name, text in self.texts.items()}
@@ -94,8 +92,6 @@ def markers(
     """
     from calib.app.inputs import require_told_apart, target_of
     from calib.observe.dataset import read_detections
-    from designer.base.files import check_folder, place_of
-    from designer.page.output import asked_output
 
     if to not in MARKER_FORMATS:
         hint = suggestion_or_all(to, MARKER_FORMATS)

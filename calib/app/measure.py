@@ -13,7 +13,8 @@ from calib.cameras import fitted_models
 from designer.base.answer import program
 from designer.base.errors import InputError, NoAnswerError
 from designer.base.options import argument, option
-from designer.base.units import NO_SKEW
+from designer.base.units import NO_SKEW, format_skew
+from designer.base.words import several
 from designer.kinds.presets import error_templates, one_of
 from designer.page.capability import capability, written_to
 from designer.page.progress import Progress, unheard
@@ -144,28 +145,12 @@ def measure(
     Raises:
         InputError: files or options that break a rule, or photos too few.
     """
-    from calib.app.measured_from import (
-        ink_of_each,
-        items_of,
-        model_for,
-        nominal_of,
-        parts_of,
-        paths_in,
-        photos_to_search,
-        remarks_on,
-        remarks_on_rig,
-        rig_to_measure_from,
-        sets_of,
-        solved,
-        way_of,
-    )
+    from calib.app import measured_from
     from calib.coupon_reading.ink_of_rings import ink_of_cameras
     from calib.measure_target.cross_validation import cross_validate
     from calib.measure_target.deviations import Compensation
     from calib.measure_target.lengths import asked_lengths
     from calib.measure_target.record import record_of
-    from designer.base.units import format_skew
-    from designer.base.words import several
     from designer.page.output import output_of
 
     output = None if out is None else output_of(out)
@@ -182,27 +167,29 @@ def measure(
             "--image-size": image_size, "--held-out": held_out is not None, "--truth": truth,
         }  # fmt: skip
         _rescale(target, measured_length, made, made_with, [name for name, value in given.items() if value], output)
-    nominal = nominal_of(target)
-    way = way_of(nominal, made)
+    nominal = measured_from.nominal_of(target)
+    way = measured_from.way_of(nominal, made)
     asked = asked_lengths(lengths, nominal)
     fix, share = several("--fix", fix), several("--share", share)
     plan = _plan(model, fix, share, reject_sigma, weighted=weighted)
     shape = None if truth is None else _truth(truth, nominal, target)
     photos = photos if isinstance(photos, str | PathLike) else tuple(photos)
     if rig is None:
-        items, cameras = items_of(observed), None
-        sets = sets_of(items, nominal, target, image_size, one_camera=one_camera)
+        items, cameras = measured_from.items_of(observed), None
+        sets = measured_from.sets_of(items, nominal, target, image_size, one_camera=one_camera)
     else:
         beside = (observed, photos, model, one_camera, fix, share, image_size)
-        items, cameras = (), rig_to_measure_from(rig, nominal, is_alone=not any(beside))
+        items, cameras = (), measured_from.rig_to_measure_from(rig, nominal, is_alone=not any(beside))
         sets = list(cameras.observations.sightings)
-    again = photos_to_search(photos, items, nominal)
-    parts = parts_of(held_out, min(one.view_count for one in sets) if cameras is None else len(cameras.rig_from_target))
+    again = measured_from.photos_to_search(photos, items, nominal)
+    parts = measured_from.parts_of(
+        held_out, min(one.view_count for one in sets) if cameras is None else len(cameras.rig_from_target)
+    )
     progress("measuring", 0, 0)
-    by_rig = None if cameras is None else (cameras.cameras[0].model, remarks_on_rig(cameras))
-    chosen, why = by_rig or model_for(plan, items, sets)
+    by_rig = None if cameras is None else (cameras.cameras[0].model, measured_from.remarks_on_rig(cameras))
+    chosen, why = by_rig or measured_from.model_for(plan, items, sets)
     options = _options(plan.options_of(chosen), way, bow, sets, is_rigid=rings == "rigid")
-    found, sets, more = solved(sets, items, cameras, again, nominal, chosen, options, asked, progress)
+    found, sets, more = measured_from.solved(sets, items, cameras, again, nominal, chosen, options, asked, progress)
     held = None
     if held_out != 0 and found.status != "degenerate":
         held = cross_validate(
@@ -212,9 +199,9 @@ def measure(
     record = record_of(
         found, held, made_with, bed_turn_rad=bed_turn_rad, weighted=options.solve.weighted, program=program(),
         made=way.errors,
-        remarks=(*why, *more, *remarks_on(sets, way, asked, nominal)),
+        remarks=(*why, *more, *measured_from.remarks_on(sets, way, asked, nominal)),
         settings={
-            "target": _named(target), "detections": ", ".join(map(_named, paths_in(items))),
+            "target": _named(target), "detections": ", ".join(map(_named, measured_from.paths_in(items))),
             **({} if rig is None else {"rig": _named(rig, "a rig")}),
             "model": ", ".join(sorted({one.model for one in found.cameras})), "rings": rings,
             "one-camera": str(one_camera), "weighted": str(options.solve.weighted),
@@ -227,9 +214,9 @@ def measure(
         },
     )  # fmt: skip
     measured = MeasuredPrint(
-        found=found, measured_against=_file_of(target), use=_use(paths_in(items), rig, photos, output),
+        found=found, measured_against=_file_of(target), use=_use(measured_from.paths_in(items), rig, photos, output),
         file=None if output is None else output.place, remarks=record.remarks, record=record,
-        ink_bleed=ink_of_cameras(ink_of_each(items, nominal)),
+        ink_bleed=ink_of_cameras(measured_from.ink_of_each(items, nominal)),
     )  # fmt: skip
     if output is not None:
         output.files += measured.save(output.place)
@@ -242,11 +229,7 @@ def measure(
 def _plan(
     model: str | None, fix: Sequence[str], share: Sequence[str], reject: float | None, *, weighted: bool
 ) -> "SolvePlan":
-    """How cameras are solved.
-
-    Raises:
-        InputError: no such model or parameter, or a model that cannot measure.
-    """
+    """How cameras are solved; InputError: no such model or parameter, or a model that cannot measure."""
     from calib.solver.plan import ALL, plan_from_words
 
     plan = plan_from_words(model or ALL, fix=fix, share=share, reject=reject, weighted=weighted)
@@ -287,11 +270,7 @@ def _rescale(
     target: "TargetGeometry | Place", length: str, made: str | None, made_with: "Compensation", needless: list[str],
     output: "Output | None",
 ) -> None:  # fmt: skip
-    """The quick way of the command: the size that a caliper shows, and the shape as designed.
-
-    Raises:
-        NoAnswerError: always; no print was measured, and with it goes the target that there is instead.
-    """
+    """The quick way of the command, without photos: NoAnswerError, as no print is measured, with the target instead."""
     if needless:
         raise InputError(
             f"--measured-length rescales without photos, so {needless[0]} does not belong there; with photos give the "
@@ -318,18 +297,18 @@ def rescale(
     Raises:
         InputError: a file that cannot be read, or a length that the target does not have.
     """
-    from calib.app.measured_from import doubts_about, nominal_of, way_of
+    from calib.app import measured_from
     from calib.measure_target.back import tells_thickness, with_thickness
     from calib.measure_target.deviations import Compensation
     from calib.measure_target.lengths import asked_length, rescaled
 
-    nominal = nominal_of(target)
-    way = way_of(nominal, made)
+    nominal = measured_from.nominal_of(target)
+    way = measured_from.way_of(nominal, made)
     asked = asked_length("--measured-length", length, nominal)
     is_thickness = tells_thickness(nominal, asked.name)
     made_so = with_thickness(nominal, asked.value_mm) if is_thickness else rescaled(nominal, asked)
     return RescaledTarget(
-        nominal, made_so, asked, doubts_about([asked], way, nominal), Compensation(), _file_of(target)
+        nominal, made_so, asked, measured_from.doubts_about([asked], way, nominal), Compensation(), _file_of(target)
     )
 
 

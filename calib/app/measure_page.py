@@ -203,10 +203,8 @@ def deviation_sentence(record: AsBuiltRecord) -> str:
     if size is None:
         parts = ["The size of the print is not known, as no length was given, and taken as designed"]
     else:
-        larger, sure = (
-            ("larger" if size.value >= 0 else "smaller"),
-            "" if size.is_significant else ", which may be noise",
-        )
+        larger = "larger" if size.value >= 0 else "smaller"
+        sure = "" if size.is_significant else ", which may be noise"
         text = percent(Estimate(abs(size.value), size.sigma), signed=False)
         parts = [f"The print is {text} {larger} than designed{sure}"]
     parts += [

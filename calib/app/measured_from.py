@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import chain
 from numbers import Integral
 from os import PathLike
 from pathlib import Path
@@ -98,18 +99,14 @@ def items_of(observed: Several) -> tuple[Item, ...]:
 
 def ink_of_each(items: Sequence[Item], nominal: TargetGeometry) -> list[InkBleed]:
     """What each file of detections, or the detections given, tell of the ink; tables and observations tell nothing."""
-    photos = [one for one in items if isinstance(one, Detections)]
-    paths = [path for path in paths_in(items) if is_detections(path)]
-    read = [read_detections(path, nominal, target_path=Path("the target")) for path in paths]
-    return [ink for seen in (photos, *read) if (ink := ink_of_rings(seen, nominal)) is not None]
+    return [ink for seen in detections_in(items, nominal) if (ink := ink_of_rings(seen, nominal)) is not None]
 
 
-def detections_in(items: Iterable[Item], nominal: TargetGeometry) -> list[Detections]:
-    """All detections among what was given, those of files too."""
-    items = tuple(items)
+def detections_in(items: Sequence[Item], nominal: TargetGeometry) -> list[tuple[Detections, ...]]:
+    """The detections among what was given, and those of each file."""
     paths = [path for path in paths_in(items) if is_detections(path)]
     read = [read_detections(path, nominal, target_path=Path("the target")) for path in paths]
-    return [*(one for one in items if isinstance(one, Detections)), *(one for photos in read for one in photos)]
+    return [tuple(one for one in items if isinstance(one, Detections)), *read]
 
 
 def photos_to_search(
@@ -122,7 +119,7 @@ def photos_to_search(
     """
     if not photos:
         return None
-    seen = detections_in(items, nominal)
+    seen = list(chain(*detections_in(items, nominal)))
     if not seen or (len(items) > 1 and paths_in(items)):
         raise InputError(
             "--photos: they are searched again with one camera's lens; give the detections.csv of one camera"
@@ -150,7 +147,7 @@ def solved(
         return measure_rig(rig, nominal, options, lengths), sets, ()
     found = measure(sets, nominal, model, options, lengths)
     if photos is None:
-        return _with_earlier_lens(found, sets, detections_in(items, nominal), options, lengths), sets, ()
+        return _with_earlier_lens(found, sets, chain(*detections_in(items, nominal)), options, lengths), sets, ()
     if found.status == "degenerate":
         return found, sets, ("photos were not searched again: they do not determine the camera",)
     search = PhotoSearch(found.target, photos, progress=progress).once(found.cameras[0])

@@ -127,13 +127,10 @@ class MeasuredPrint(Result, kind="as_built", title="Measured print"):
 
     def purposes(self, folder: Path) -> tuple[tuple[str, str], ...]:
         """The files of all prints of a folder, this one's first."""
-        found = sorted(folder.glob(f"?*{PURPOSES[1][1]}"), key=lambda path: (path.name != self._name, path.name))
+        own = "" if self.file is None else _beside(self.file, PURPOSES[1][1]).name
+        found = sorted(folder.glob(f"?*{PURPOSES[1][1]}"), key=lambda path: (path.name != own, path.name))
         stems = [path.name.removesuffix(PURPOSES[1][1]) for path in found]
         return tuple((f"{stem}{ending}", purpose) for stem in stems for purpose, ending in PURPOSES)
-
-    @property
-    def _name(self) -> str:
-        return "" if self.file is None else _beside(self.file, PURPOSES[1][1]).name
 
     def save(self, path: str | PathLike[str], *, command: str = "", has_page: bool = True) -> tuple[Path, ...]:
         """Write `NAME.target.json`, and `NAME.as_built.json`, `.csv` and `.png` beside it; return the files.

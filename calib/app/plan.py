@@ -13,6 +13,7 @@ from designer.base.files import named_in_files, place_of
 from designer.base.marks import NOT_IN_FILE
 from designer.base.options import option
 from designer.base.words import capital, printable
+from designer.base.words import figure as digits
 from designer.kinds.presets import camera_templates
 from designer.page.capability import capability
 from designer.page.progress import Progress, unheard
@@ -275,8 +276,6 @@ def _hand_of(hand_eye: "HandEye | Place | None") -> "HandEye | None":
 
 
 def _why_nothing(distance_mm: tuple[float, float], *, is_on_table: bool) -> str:
-    from designer.base.words import figure as digits
-
     near, far = (digits(one, 3) for one in distance_mm)
     if is_on_table:
         return (

@@ -16,6 +16,7 @@ from designer.base.options import argument, option
 from designer.base.words import NAME
 from designer.kinds.presets import camera_templates
 from designer.page.capability import OUTPUT, capability, written_to
+from designer.page.output import Output, output_of
 from designer.page.progress import Progress, unheard
 from designer.page.result import Result
 
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from calib.rigs.target_poses import FrameWithoutPose, RigPoseResult, RigTargetPose
     from designer.base.files import JsonValue
     from designer.page.blocks import Page
-    from designer.page.output import Output
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,11 +129,10 @@ def pose(
     Raises:
         InputError: files that cannot be read, not one photo that can be searched, or a camera that is not in the rig.
     """
-    from calib.app.inputs import in_order, opened_camera, photos_of, rig_of, target_of
+    from calib.app.inputs import in_order, load_rig, opened_camera, photos_of, target_of
     from calib.capture.clips import clips_of_rig, holds_photos
     from calib.observe.search import PhotoSearch
     from calib.observe.target_poses import PhotoWithoutPose, PoseResult, check_output, target_poses
-    from designer.page.output import Output, output_of
 
     output = Output(Path(), is_asked=False) if out is None else output_of(out)
     folder = None if overlay is None else place_of(overlay, "a folder")
@@ -157,7 +156,7 @@ def pose(
 
         geometry = target_of(target, "rings")
         taken = clips_of_rig(rig_input(given), geometry, progress) or given
-        found = poses_before_rig(geometry, rig_of(rig), taken, weighted=weighted, jobs=jobs, progress=progress)
+        found = poses_before_rig(geometry, load_rig(rig), taken, weighted=weighted, jobs=jobs, progress=progress)
         remarks = found.photos.remarks
     else:
         if not given:

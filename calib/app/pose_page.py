@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib.draw.camera_scene import distance_words, place_view, place_words
 from calib.draw.gallery import SHARE_RULE, STANDS_OUT, Shot, gallery, is_there, level_of_share, shortened
-from calib.draw.place_scene import distance_words, place_view, place_words
 from calib.observe.dataset import common_remarks
 from calib.observe.target_poses import PoseResult
 from designer.base.words import figure as digits

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from calib.core.types import LEAST_RADIUS_PX
 from calib.detector.candidates import MIN_RADIUS_PX
+from calib.draw.camera_scene import distance_words, place_view, place_words, tilts_deg
 from calib.draw.gallery import Shot, gallery, is_there, spread
-from calib.draw.place_scene import distance_words, place_view, place_words, tilts_deg
 from calib.draw.run_tables import field_of_view_words
 from calib.renderer.options import PHOTO_TABLE, RIG_FILE, TRUTH_FILE
 from designer.base.words import capital, counted, printable

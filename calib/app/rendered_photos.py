@@ -103,10 +103,10 @@ class RenderedSet(Result, kind="photos", title="Rendered photos", doing="renderi
         self, out: "Output | Place | None", jobs: int | None, *, overwrite: bool, progress: Progress
     ) -> Self:
         """What `save` does, and the same photos with what was done; None: nothing."""
-        from calib.app.inputs import processes_of
         from calib.cameras.rig import RIG
         from calib.judge.folders import keep_target
         from calib.renderer.job import run_jobs
+        from calib.renderer.quantities import processes_of
 
         if out is None:
             return self

@@ -129,7 +129,7 @@ def rig(
     Raises:
         InputError: files or options that break a rule, or cameras that no frames tie together.
     """
-    from calib.app.inputs import camera_of, criteria_of, points_of, with_bag
+    from calib.app.inputs import criteria_of, load_camera, points_of, with_bag
     from calib.judge.joint_solution import judged_rig, wishes_of
     from calib.observe.rig_observations import swapped_cameras, with_remarks
     from calib.observe.rig_photos import photos_of_images
@@ -141,7 +141,7 @@ def rig(
         ALL, loss=loss, reject=reject_sigma, weighted=weighted, minimise=minimise, free_bend=free_bend
     )
     limits = criteria_of(criteria)
-    lenses = {name: camera_of(one) for name, one in _of_each("--camera", cameras, "left=left/camera.json").items()}
+    lenses = {name: load_camera(one) for name, one in _of_each("--camera", cameras, "left=left/camera.json").items()}
     is_all = isinstance(refine, Collection) and tuple(refine) == (ALL,)
     wishes = wishes_of(_models(model), lenses, is_all or refine, fix, plan.options, texts_of(priors))
     to = begun(out)

@@ -6,17 +6,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 from calib.app import options
-from calib.app.calibration import Run
+from calib.app.calibration import Run, reference_of, solved, view_of_reference
 from calib.app.detect import DETECTIONS_FILE, DetectedPhotos
 from designer.base.errors import NoAnswerError
+from designer.base.files import named_in_files, place_of
 from designer.base.options import option
 from designer.page.capability import capability, written_to
+from designer.page.output import Output, output_of
 from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
     from calib.app.inputs import Pixels, Place
     from calib.observe.photos import Search
-    from designer.page.output import Output
 
 
 class NothingFoundError(NoAnswerError):
@@ -76,7 +77,6 @@ def run(
     """
     from contextlib import nullcontext
 
-    from calib.app.calibration import reference_of, solved, view_of_reference
     from calib.app.calibration_folder import RunFolder
     from calib.app.inputs import criteria_of, in_order, photos_given, target_of
     from calib.draw.gallery import OVERLAYS
@@ -88,8 +88,6 @@ def run(
     from calib.observe.sessions import with_sessions
     from calib.solver.capture_error import capture_of
     from calib.solver.plan import plan_from_words
-    from designer.base.files import named_in_files, place_of
-    from designer.page.output import output_of
     from designer.tolerance.made import how_made
 
     geometry, limits, taken = (

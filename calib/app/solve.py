@@ -1,20 +1,24 @@
 """From what was detected to a judged camera: `calib solve`, `calib.solve("detections.csv", "ico.target.json")`."""
 
 from collections.abc import Iterable, Sequence
-from pathlib import Path
+from os import PathLike
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated, cast
 
 from calib.app import options
-from calib.app.calibration import Run
+from calib.app.calibration import Run, reference_of, solved, view_of_reference
+from designer.base.errors import InputError
+from designer.base.files import named_in_files
 from designer.base.options import argument, option
+from designer.base.words import shown
 from designer.page.capability import capability, written_to
+from designer.page.output import Output, output_of
 from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from calib.core.types import Detections, Observations
     from calib.renderer.truth import Truth
-    from designer.page.output import Output
     from designer.target import TargetGeometry
 
 
@@ -77,18 +81,12 @@ def solve(
     Raises:
         InputError: options that break a rule, or observations that do not determine a camera.
     """
-    from os import PathLike
-    from pathlib import PurePath
-
-    from calib.app.calibration import reference_of, solved, view_of_reference
     from calib.app.calibration_folder import RunFolder
     from calib.app.inputs import criteria_of, file_or_observations, rendered_id_of, target_of, truth_from
     from calib.judge.solutions import SolveTask
     from calib.observe.sessions import with_sessions
     from calib.solver.capture_error import capture_of
     from calib.solver.plan import plan_from_words
-    from designer.base.files import named_in_files
-    from designer.page.output import output_of
     from designer.tolerance.made import how_made
 
     if observed is None or any(one is not None for one in (object_points, image_points, unit)):
@@ -128,8 +126,6 @@ def _of_arrays(
     """What OpenCV's arrays show."""
     from calib.core.types import Observations
     from calib.observe.arrays import observations
-    from designer.base.errors import InputError
-    from designer.base.words import shown
 
     given = {"object_points": object_points, "image_points": image_points, "image_size": image_size, "unit": unit}
     for name, one in (("object_points", object_points), ("image_points", image_points)):

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, cast
 from calib.app.calibration import SolvedCameras
 from calib.app.options import exports_folder
 from designer.base.errors import InputError
-from designer.base.files import named_in_files
+from designer.base.files import check_folder, named_in_files
+from designer.base.own_files import require_ours
 from designer.base.words import printable
 from designer.page.progress import Progress
 
@@ -168,8 +169,6 @@ class SolvedRig(
         from calib.observe.rig_observations import KIND as SIGHTINGS
         from calib.observe.robot_poses import KIND as ROBOT_POSES
         from calib.rigs.rig_calibration_file import RIG_CALIBRATION
-        from designer.base.files import check_folder
-        from designer.base.own_files import require_ours
 
         check_folder(folder)
         for name, kind in (

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 from calib.app.options import (
     Dask,
@@ -25,7 +25,7 @@ from calib.app.study_result import FORMATS, STUDY_OUT, TABLES, StudyResult, kept
 from calib.cameras import DEFAULT, learned_models, solved_models
 from designer.base.answer import program
 from designer.base.errors import InputError
-from designer.base.files import place_of, write_files
+from designer.base.files import JsonValue, place_of, write_files
 from designer.base.marks import INLINE, NOT_IN_FILE, Gap
 from designer.base.options import option, whole_number
 from designer.base.words import cut, printable, several, shown
@@ -109,11 +109,8 @@ class Bootstrap(
 
     def csv(self) -> bytes:
         """A line for each case, error, and set of samples that the statistics are over."""
-        from typing import cast
-
         from calib.studies.statistics import CaseSummary, Distribution
         from designer.base.codec import encode
-        from designer.base.files import JsonValue
 
         heads = []
         for one in self.table.cases:
@@ -287,10 +284,8 @@ def bootstrap(
     plan = plan_from_words(
         model, fix=fix, share=share, focal_px=None, loss=loss, reject=reject_sigma, weighted=weighted
     )
-    views, corners = (
-        [whole("--sizes", size, 1, MOST_SIZE) for size in several("--sizes", sizes)],
-        grid_of(grid, pitch_mm),
-    )
+    views = [whole("--sizes", size, 1, MOST_SIZE) for size in several("--sizes", sizes)]
+    corners = grid_of(grid, pitch_mm)
     if len(set(views)) < len(views):
         raise InputError(f"--sizes {', '.join(map(str, views))}: a size stands there twice; give each once")
     output = Bootstrap.begun(out)

@@ -151,11 +151,7 @@ def _real_photos(
     observed: "Observed", target: "TargetGeometry | Place | None", model: str, image_size: tuple[int, int] | None,
     grid: "PointGrid | None",
 ) -> "RealPhotos":  # fmt: skip
-    """Photos of a person's own, and how they are solved.
-
-    Raises:
-        InputError: they cannot be read, or there is no such model.
-    """
+    """Own photos, and how they are solved; InputError: they cannot be read, or there is no such model."""
     from calib.app.inputs import load_observations, observations_of
     from calib.studies.cost.ratios import RealPhotos
 

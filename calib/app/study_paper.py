@@ -43,7 +43,7 @@ def study_paper(
             kept.
         StudyStoppedError: interrupted; so they are.
     """
-    from calib.app.inputs import processes_of
+    from calib.renderer.quantities import processes_of
     from calib.studies import paper_study
     from calib.studies.runner import Sampling
 

@@ -46,7 +46,7 @@ def sampling_in(
     """Where samples are kept, and who computes them: in the folder that was asked for, else where nobody looks."""
     if dask is not None and jobs is not None:
         raise InputError("--jobs: is of processes on this machine; --dask has the cluster do it, leave one out")
-    from calib.app.inputs import processes_of
+    from calib.renderer.quantities import processes_of
     from calib.studies.runner import Sampling
 
     with TemporaryDirectory() as aside:

@@ -65,18 +65,13 @@ def target(
         if planes is not None or inside:
             flag = "--inside" if inside else "--planes"
             raise InputError(f"{flag}: of points; {points} is Kalibr's target; leave it out")
-        return _of_kalibr(points, diameter_mm, output)
+        from calib.observe.point_target import read_kalibr_target
+        from designer.target import target_of_marks
+
+        marks, remarks = read_kalibr_target(Path(points), diameter_mm)
+        geometry = target_of_marks([marks], marks.target_from_face("center")[None])
+        return made_target(output, geometry, remarks=remarks)
     return _of_points(points, planes, diameter_mm or 0.0, output, is_inside=inside)
-
-
-def _of_kalibr(place: "Place", diameter_mm: float | None, output: "Output") -> TargetContents:
-    """Make a target file of Kalibr's."""
-    from calib.observe.kalibr_target import read_kalibr_target
-    from designer.target import target_of_marks
-
-    marks, remarks = read_kalibr_target(Path(place), diameter_mm)
-    geometry = target_of_marks([marks], marks.target_from_face("center")[None])
-    return made_target(output, geometry, remarks=remarks)
 
 
 def _of_points(

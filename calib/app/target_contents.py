@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING, Annotated
 
 from designer.base.errors import InputError
 from designer.base.marks import NOT_IN_FILE, Key
+from designer.base.own_files import require_ours
 from designer.base.words import printable
+from designer.page.output import Output, asked_output
 from designer.page.result import Result
 
 if TYPE_CHECKING:
     from calib.app.inputs import Place
     from designer.marks.face_marks import FaceMarks
     from designer.page.blocks import Page
-    from designer.page.output import Output
     from designer.target import TargetGeometry
 
 SUFFIX = ".target.json"
@@ -162,8 +163,6 @@ def asked_place(out: "Output | Place | None", made_of: str) -> "Output":
     Raises:
         InputError: nobody said, another ending, or a place that holds something else.
     """
-    from designer.base.own_files import require_ours
-    from designer.page.output import asked_output
     from designer.target import FORMAT, load_target
 
     output = asked_output(out)

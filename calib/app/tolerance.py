@@ -9,24 +9,7 @@ from os import fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from calib.app.options import (
-    MOST_DISTANCE_MM,
-    MOST_VIEWS,
-    AimOffset,
-    CameraTemplate,
-    Changes,
-    Dask,
-    Distance,
-    Errors,
-    FittedModel,
-    Jobs,
-    Resume,
-    RigTemplate,
-    Seed,
-    TargetFile,
-    Views,
-    Weighted,
-)
+from calib.app import options
 from calib.app.study_result import (
     STUDY_OUT,
     TABLES,
@@ -162,22 +145,24 @@ class RigTolerance(
 
 @capability
 def rig_tolerance(
-    target: TargetFile,
-    errors: Errors,
-    rig: RigTemplate,
+    target: options.TargetFile,
+    errors: options.Errors,
+    rig: options.RigTemplate,
     *,
-    changes: Changes = (),
-    frames: Annotated[int, option("of a rig: how many", 1, MOST_VIEWS)] = 30,
+    changes: options.Changes = (),
+    frames: Annotated[int, option("of a rig: how many", 1, options.MOST_VIEWS)] = 30,
     distance_mm: Annotated[
         tuple[float, float] | float | None,
-        option("of the target from the camera that it is held to (default: the template's)", 1.0, MOST_DISTANCE_MM),
+        option(
+            "of the target from the camera that it is held to (default: the template's)", 1.0, options.MOST_DISTANCE_MM
+        ),
     ] = None,
     draws: Annotated[int, option("prints that are drawn as a check", 0, 10_000)] = 20,
     linear: Annotated[bool, option("no draws: predict from Jacobians, in seconds")] = False,
-    seed: Seed = 1,
-    jobs: Jobs = None,
-    dask: Dask = None,
-    resume: Resume = False,
+    seed: options.Seed = 1,
+    jobs: options.Jobs = None,
+    dask: options.Dask = None,
+    resume: options.Resume = False,
     out: Annotated["Place | Output | None", STUDY_OUT] = None,
     progress: Progress = unheard,
 ) -> RigTolerance:
@@ -252,16 +237,16 @@ def rig_tolerance(
 @instead(rig=rig_tolerance)
 @capability
 def tolerance(
-    target: TargetFile,
-    errors: Errors,
+    target: options.TargetFile,
+    errors: options.Errors,
     *,
-    changes: Changes = (),
-    views: Views = 90,
-    distance_mm: Distance = None,
-    aim_offset_mm: AimOffset = None,
-    camera: CameraTemplate = "machine-vision",
-    model: FittedModel = DEFAULT,
-    weighted: Weighted = False,
+    changes: options.Changes = (),
+    views: options.Views = 90,
+    distance_mm: options.Distance = None,
+    aim_offset_mm: options.AimOffset = None,
+    camera: options.CameraTemplate = "machine-vision",
+    model: options.FittedModel = DEFAULT,
+    weighted: options.Weighted = False,
     draws: Annotated[int, option("how many made targets to draw", 2, MOST_DRAWS)] = 200,
     full: Annotated[bool, option("render and detect real images in each draw: minutes a draw")] = False,
     linear: Annotated[bool, option("no draws: predict from Jacobians, in seconds")] = False,
@@ -289,10 +274,10 @@ def tolerance(
         tuple[float, float] | float | None, option("distance to that target (default: --distance)", 1.0, 10_000.0)
     ] = None,
     vary: Annotated[str | None, option("error to compare by (default: the worst one of faces)")] = None,
-    seed: Seed = 1,
-    jobs: Jobs = None,
-    dask: Dask = None,
-    resume: Resume = False,
+    seed: options.Seed = 1,
+    jobs: options.Jobs = None,
+    dask: options.Dask = None,
+    resume: options.Resume = False,
     formats: Annotated[
         Sequence[str],
         option(

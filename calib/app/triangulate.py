@@ -14,6 +14,7 @@ from designer.base.files import place_of
 from designer.base.marks import NOT_IN_FILE, Gap, Key
 from designer.base.options import argument, option
 from designer.base.words import counted, printable
+from designer.base.words import figure as digits
 from designer.page.capability import capability
 from designer.page.progress import Progress, unheard
 from designer.page.result import Result
@@ -152,13 +153,13 @@ def triangulate(
     Raises:
         InputError: a file that cannot be read, a camera that is not in the rig, or noise that is nowhere stated.
     """
-    from calib.app.inputs import rig_of
+    from calib.app.inputs import load_rig
     from calib.observe.rig_observations import read_point_table
     from calib.space.known_lengths import check_lengths, triangulate_target
     from calib.space.propagate import PointSightings, as_points
     from calib.space.triangulate import noise_of_each, triangulate_points
 
-    known = rig_of(rig)
+    known = load_rig(rig)
     noise = noise_of_each(known, noise_px)
     of_object = _seen_of_object(known, sightings, target, photos, jobs, progress)
     files = {"rig file": rig, "sightings": sightings, "check object": target}
@@ -182,11 +183,7 @@ def _seen_of_object(
     rig: "Rig", sightings: "PointSightings | RigObservations | Place | None", target: "TargetGeometry | Place | None",
     photos: "Place | Iterable[Place]", jobs: int | None, progress: Progress,
 ) -> "RigObservations | None":  # fmt: skip
-    """What was seen of a check object; None of points that nobody knows.
-
-    Raises:
-        InputError: too much or too little is given, or photos or a table that cannot be used.
-    """
+    """What was seen of a check object, None of points that nobody knows; InputError: what cannot be used."""
     from calib.app.inputs import require_photos_for_jobs, target_of
     from calib.capture.clips import clips_of_rig
     from calib.core.types import RigObservations
@@ -299,7 +296,6 @@ def _page(found: Triangulation, *, is_drawn: bool) -> "Page":
 
 def _headline(found: Triangulation, checks: "list[Finding]") -> "Headline":
     """The answer: the worst of what was checked."""
-    from designer.base.words import figure as digits
     from designer.page.blocks import WORDS, Headline, worst_level
 
     once = found.seen_once
@@ -320,7 +316,6 @@ def _headline(found: Triangulation, checks: "list[Finding]") -> "Headline":
 def _checks(found: Triangulation) -> "list[Finding]":
     """How many points have a position, how large residuals are, and what a check object says."""
     from calib.space.triangulate import ONE_CAMERA, REASONS
-    from designer.base.words import figure as digits
     from designer.page.blocks import Finding, level_of
 
     once, judged, check = found.seen_once, found.count - found.seen_once, found.lengths
@@ -362,7 +357,6 @@ def _checks(found: Triangulation) -> "list[Finding]":
 
 def _lengths_table(bins: "tuple[LengthBin, ...]") -> "Table":
     """Errors of known distances, by distance."""
-    from designer.base.words import figure as digits
     from designer.page.blocks import Cell
     from designer.page.folders import Shown, table_of
 

@@ -73,18 +73,14 @@ def turntable(
     if step_deg == 0:
         raise InputError("--step 0deg: a table that does not turn tells nothing; leave it out, or give its turn")
     to = begun(out)
-    limits, wishes = (
-        criteria_of(criteria),
-        wishes_of_one(camera, model, fix, priors, minimise, free_bend, refine=refine),
-    )
+    limits = criteria_of(criteria)
+    wishes = wishes_of_one(camera, model, fix, priors, minimise, free_bend, refine=refine)
     seen = seen_by_one(target, photos, table, points_of(points, diameter_mm), wishes, jobs, progress).with_made(made)
     names = seen.observations.frame_names
     taken = names if seen.search is None else seen.search.photos.frame_names
     angle_rad = np.deg2rad(step_deg or 0.0) * np.array([taken.index(name) for name in names], dtype=np.float64)
     carrier = Mechanism(TABLE, turned_by(angle_rad), is_turntable=True, has_free_angles=step_deg is None)
-    options, settings = (
-        RigOptions(carrier=carrier, minimise=wishes.options.minimise),
-        settings_of(("target", target), ("table", table)),
-    )
+    options = RigOptions(carrier=carrier, minimise=wishes.options.minimise)
+    settings = settings_of(("target", target), ("table", table))
     run = judged_rig(seen, wishes, options, limits, settings, progress)
     return finished(SolvedRig(*run), to, out, progress)

@@ -125,12 +125,12 @@ class Undistorter:
         self, camera: CameraFile, *, to: Picture = LINEAR, alpha: Alpha = None, focal_px: Focal = None,
         field_rad: Field = None, yaw_rad: Yaw = 0.0, pitch_rad: Pitch = 0.0,
     ) -> None:  # fmt: skip
-        from calib.app.inputs import camera_of
+        from calib.app.inputs import load_camera
         from calib.cameras.picture_of import looking, picture_of
 
         if alpha is not None and focal_px is not None:
             raise InputError("--alpha and --focal-px both set the focal length; give one of them")
-        self.camera, self.cam_from_new = camera_of(camera), looking(yaw_rad, pitch_rad)
+        self.camera, self.cam_from_new = load_camera(camera), looking(yaw_rad, pitch_rad)
         self.turn = self.cam_from_new if yaw_rad or pitch_rad else None
         self.new_camera = picture_of(
             self.camera, to, alpha=alpha, focal_px=focal_px, field_rad=field_rad, cam_from_new=self.turn
@@ -238,10 +238,8 @@ def undistort_photos(
     from designer.base.files import distinct_stems
     from designer.page.output import output_of
 
-    opened, output = (
-        opened_camera(in_order(camera, "calib undistort CAMERA PHOTO...", camera=camera, photos=photos)).read,
-        output_of(out),
-    )
+    opened = opened_camera(in_order(camera, "calib undistort CAMERA PHOTO...", camera=camera, photos=photos)).read
+    output = output_of(out)
     straight = Undistorter(
         opened.camera, to=to, alpha=alpha, focal_px=focal_px, field_rad=field_rad, yaw_rad=yaw_rad, pitch_rad=pitch_rad
     )

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.draw.measured_scene import datum_words, nice
+from calib.draw.measured_scene import datum_words
 from calib.draw.print_errors import is_plastic, seats_table, told
-from calib.draw.style import EMPTY, GREY, INK, VERMILION, WIDTH_PX, note, picture, round_length
+from calib.draw.style import EMPTY, GREY, INK, VERMILION, WIDTH_PX, nice, note, picture, round_length
 from calib.measure_target.cross_validation import Gain
 from calib.measure_target.deviations import FREE_PARAMETERS, Estimate, Verdict, bent_mm
 from calib.measure_target.record import AsBuiltRecord, SolvedCamera, deviations_of

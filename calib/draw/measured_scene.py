@@ -3,6 +3,7 @@
 import numpy as np
 
 from calib.core.se3 import exp_rotation
+from calib.draw.style import nice
 from calib.measure_target.record import AsBuiltRecord, Deviations, deviations_of, told_motion
 from designer.base.arrays import Array
 from designer.base.words import figure
@@ -22,7 +23,6 @@ ARROW_WIDTH_SHARE, LIFT_SHARE = 0.22, 0.03
 """Of the distance between rings: how wide an arrow is, and how high above its face, not to be hidden by it."""
 MOST_RINGS = 15_000
 LEAST_MM = 1e-6
-NICE = (1.0, 2.0, 5.0, 10.0)
 
 
 def datum_words(record: AsBuiltRecord) -> str:
@@ -48,14 +48,18 @@ def measure_view(record: AsBuiltRecord, target: TargetGeometry) -> View3d | None
     bad = () if record.seats is None or not record.seats.bad else (
         (BAD, f"outline of a {record.seats.piece} that sits badly"),
     )  # fmt: skip
+    heights = found.in_face_mm[:, 2].tolist()
+    colours = (colour(0.5 + 0.5 * one / most_mm) if np.isfinite(one) else NOT_KNOWN for one in heights)
     scene = target_scene(
-        target, body_colour=BODY, ink_colour=INK, ring_colours=_colours(found, most_mm),
+        target, body_colour=BODY, ink_colour=INK, ring_colours=tuple(colours),
         legend=(*_legend(most_mm, found), *bad), more=tuple(layers),
         has_numbers=record.seats is not None,
     )  # fmt: skip
     return View3d(
-        f"Where faces and {target.feature_word} came out", scene, _alt(found, target), _caption(factor, record)
-    )
+        f"Where faces and {target.feature_word} came out", scene, _alt(found, target),
+        f"Colour: out of the face or into it. Green arrows: where to in its plane, {factor:g} times as far. The "
+        f"stretch of the whole print is taken off.{datum_words(record)}",
+    )  # fmt: skip
 
 
 def _alt(found: Deviations, target: TargetGeometry) -> str:
@@ -69,40 +73,15 @@ def _alt(found: Deviations, target: TargetGeometry) -> str:
     )
 
 
-def _caption(factor: float, record: AsBuiltRecord) -> str:
-    return (
-        f"Colour: out of the face or into it. Green arrows: where to in its plane, {factor:g} times as far. "
-        f"The stretch of the whole print is taken off.{datum_words(record)}"
-    )
-
-
 def _far(values_mm: Array) -> float:
     """What nearly all sizes are below; vectors (N, 2) have a length."""
     size = np.abs(values_mm) if values_mm.ndim == 1 else np.linalg.norm(values_mm, axis=1)
     return float(np.percentile(size, FAR_PERCENT))
 
 
-def nice(value: float, *, is_down: bool = False) -> float:
-    """1, 2 or 5 times a power of ten, at least (or at most) the value."""
-    if not np.isfinite(value) or value <= 0:
-        return 1.0
-    power = 10.0 ** np.floor(np.log10(value))
-    steps = [float(step * power) for step in NICE]
-    if is_down:
-        return max(step for step in steps if step <= value * (1 + 1e-9))
-    return min(step for step in steps if step >= value * (1 - 1e-9))
-
-
 def ring_distance_mm(target: TargetGeometry) -> float:
     """Between neighbours of a lattice."""
     return float(np.linalg.norm(target.lattice_mm.reshape(-1, 2), axis=1).min())
-
-
-def _colours(found: Deviations, most_mm: float) -> tuple[str, ...]:
-    return tuple(
-        NOT_KNOWN if not np.isfinite(height) else colour(0.5 + 0.5 * height / most_mm)
-        for height in found.in_face_mm[:, 2].tolist()
-    )
 
 
 def colour(share: float) -> str:

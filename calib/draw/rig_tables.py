@@ -3,6 +3,8 @@
 What moved the target or the cameras of a rig: a robot or a turntable, as the photos show it.
 
 Who shares how many frames: cameras on a circle, and a line between two that saw the target together.
+
+How far each pose of a camera on a robot is off what all of them say.
 """
 
 import math
@@ -13,13 +15,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.draw.run_tables import focal_length
-from calib.draw.style import BLUE, GREY, INK, PALE, svg_panel
+from calib.draw.style import BLUE, GREY, INK, PALE, VERMILION, AxesDrawing, log_axis, open_axes, svg_panel
 from calib.judge.folders import RigRun
 from calib.judge.halves import RigHalves
 from calib.judge.next_robot_poses import gain_words, photo_names
 from calib.judge.verdict import NextPose
 from calib.observe.rotations import to_quaternion
 from calib.rigs.figures import PairFigures
+from calib.rigs.pose_pairs import FAR, PairsSolution
 from calib.rigs.relative import center_covariance, worst
 from calib.rigs.result import MechanismFit, RigCalibration
 from designer.base.arrays import Array, Rows
@@ -31,7 +34,6 @@ from designer.page.pictures import drawing_of_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
 
 ALONG = 0.9
 """Of a unit vector, along one axis beyond which it is said to lie along that alone."""
@@ -277,7 +279,7 @@ def sharing_figure(names: tuple[str, ...], shared: Rows) -> Figure:
         names: of the cameras (C,).
         shared: in how many frames two see the target together, on the diagonal at all (C, C).
     """
-    image = drawing_of_svg(svg_panel(lambda axes: _draw(axes, names, shared), height_in=HEIGHT_IN))
+    image = drawing_of_svg(svg_panel(lambda axes: _draw_sharing(axes, names, shared), height_in=HEIGHT_IN))
     return Figure("Frames that two cameras share", image, sharing_words(names, shared), _caption(len(names)))
 
 
@@ -301,7 +303,7 @@ def _caption(count: int) -> str:
     return f"A line is as thick as the frames that both see: {numbers}. Under a name: the frames that this camera sees."
 
 
-def _draw(axes: "Axes", names: tuple[str, ...], shared: Rows) -> None:
+def _draw_sharing(axes: "Axes", names: tuple[str, ...], shared: Rows) -> None:
     """Nodes, lines and numbers."""
     start = np.pi if len(names) == 2 else np.pi / 2
     angle = start - 2 * np.pi * np.arange(len(names)) / len(names)
@@ -329,3 +331,33 @@ def _draw(axes: "Axes", names: tuple[str, ...], shared: Rows) -> None:
     axes.set_ylim(-1.45, 1.45)
     axes.set_aspect("equal")
     axes.set_axis_off()
+
+
+LEAST = 0.1
+"""What is less is drawn there."""
+
+
+def pose_errors_drawing(found: PairsSolution) -> AxesDrawing:
+    """Weighed lengths of the poses' errors, in their order; those left out are marked."""
+    counts = np.isfinite(found.off) & ~found.is_off
+    out = int(found.is_off.sum())
+    words = (
+        f"Of {int(counts.sum())} poses the worst is {digits(float(found.off[counts].max()), 2)} standard deviations off"
+    )
+    more = f"; {out} {'is' if out == 1 else 'are'} left out" if out else ""
+    return AxesDrawing("How well the poses fit", words + more, lambda axes: _draw_pose_errors(axes, found))
+
+
+def _draw_pose_errors(axes: "Axes", found: PairsSolution) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    number = np.arange(1, len(found.off) + 1)
+    for rows, colour, name in ((~found.is_off, BLUE, "count"), (found.is_off, VERMILION, "left out")):
+        if rows.any():
+            axes.plot(number[rows], found.off[rows].clip(LEAST), "o", color=colour, label=name, markersize=6)
+    axes.axhline(np.sqrt(FAR), color=GREY, linestyle="--", linewidth=1.5)
+    axes.set_yscale("log")
+    log_axis(axes.yaxis)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.legend(loc="upper left")
+    open_axes(axes, "pose, in the order of the file", "error, standard deviations")

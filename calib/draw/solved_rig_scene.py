@@ -7,6 +7,7 @@ from calib.core.types import KnownPoints
 from calib.draw.camera_scene import first_look, points_layers
 from calib.draw.rig_scene import CAMERA, rig_layer, seen_from_both_sides
 from calib.draw.rig_tables import frame_name
+from calib.draw.style import nice
 from calib.judge.folders import RigRun
 from calib.judge.next_robot_poses import rig_from_target_at
 from calib.rigs.relative import center_covariance
@@ -34,7 +35,8 @@ HELD_SHARE = 0.35
 def rig_view(run: RigRun) -> View3d:
     """The scene and what it shows in words."""
     found = run.stated
-    middle, away_mm = _middle(found)
+    middle: Array = np.median(found.rig_from_target[:, :3, 3], axis=0)  # of all held targets
+    away_mm = float(np.median(np.linalg.norm(found.rig.center_mm - middle, axis=1)))
     size_mm = _size_mm(found, away_mm)
     proposed = () if run.judged is None else (
         *(frame.rig_from_target for frame in run.judged.next_frames),
@@ -78,12 +80,6 @@ def _caption(found: RigCalibration, times: float) -> str:
             f"{digits(times, 3)} times enlarged."
         )
     return f"{said} Point at a camera for its name."
-
-
-def _middle(found: RigCalibration) -> tuple[Array, float]:
-    """The middle of all held targets, and how far the cameras usually are from it."""
-    middle: Array = np.median(found.rig_from_target[:, :3, 3], axis=0)
-    return middle, float(np.median(np.linalg.norm(found.rig.center_mm - middle, axis=1)))
 
 
 def _size_mm(found: RigCalibration, away_mm: float) -> float:
@@ -133,7 +129,7 @@ def _ellipsoids(found: RigCalibration, size_mm: float) -> tuple[Segments | None,
     if not axes:
         return None, 0.0
     largest = max(float(np.linalg.norm(axis, axis=0).max()) for _, axis in axes)
-    times = _round(LARGEST_OF_CAMERA * size_mm / largest)
+    times = nice(LARGEST_OF_CAMERA * size_mm / largest, is_down=True)
     turn = np.linspace(0, 2 * np.pi, ELLIPSE_STEPS + 1)
     lines = []
     for centre, axis in axes:
@@ -141,9 +137,3 @@ def _ellipsoids(found: RigCalibration, size_mm: float) -> tuple[Segments | None,
             line = centre + times * (np.cos(turn)[:, None] * axis[:, a] + np.sin(turn)[:, None] * axis[:, b])
             lines.append(np.stack([line[:-1], line[1:]], axis=1))
     return Segments(np.concatenate(lines), (ERROR,)), times
-
-
-def _round(value: float) -> float:
-    """The largest of 1, 2, 5, 10, 20, ... that is not more; of less than 1, of their parts."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(power * max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-9)))

@@ -8,26 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib.draw import style
 from calib.draw.study_tables import setting_in_words, unit_words
-from calib.draw.style import (
-    BLUE,
-    DEEP,
-    EMPTY,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    PALE,
-    VERMILION,
-    WIDTH_PX,
-    bar_beside,
-    heading,
-    legend_below,
-    log_axis,
-    nothing,
-    open_axes,
-)
-from calib.draw.style import note as remark
 from calib.studies.samples import Case
 from calib.studies.statistics import (
     METRICS,
@@ -50,7 +32,7 @@ if TYPE_CHECKING:
 
 NOT_IN_NAMES = re.compile(r"[^a-z0-9]+")
 CONVERGENCE_PX, HEAD_PX = 1050, 160
-COLOURS = (BLUE, VERMILION, GREEN, ORANGE, GREY)
+COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.ORANGE, style.GREY)
 """Of targets."""
 MARKERS, STYLES = ("o", "s", "^", "D"), ("-", "--", "-.", ":")
 """Of ways of sampling."""
@@ -58,7 +40,7 @@ DARK = 0.6
 """Correlations beyond this have white numbers."""
 PANEL_PX, HISTOGRAM_HEAD_PX = 330, 130
 SKY, PURPLE = "#56B4E9", "#CC79A7"
-SIZE_COLOURS = (VERMILION, ORANGE, BLUE, GREEN, PURPLE, SKY, GREY)
+SIZE_COLOURS = (style.VERMILION, style.ORANGE, style.BLUE, style.GREEN, PURPLE, SKY, style.GREY)
 """Of sizes, from the smallest up; all by Okabe and Ito, as the style's."""
 EDGE_PERCENT = 0.2
 """Of the samples of a case that may lie beyond either end of the axis."""
@@ -99,7 +81,7 @@ def pairs_of(cases: StudyCases, chosen: Sequence[Case]) -> list[Pair]:
 
 def correlations_height_px(count: int) -> int:
     """Of square matrices side by side."""
-    return round(HEAD_PX + (WIDTH_PX - 180) / max(count, 2))
+    return round(HEAD_PX + (style.WIDTH_PX - 180) / max(count, 2))
 
 
 def draw_correlations(page: "Figure", pairs: Sequence[Pair]) -> None:
@@ -107,14 +89,16 @@ def draw_correlations(page: "Figure", pairs: Sequence[Pair]) -> None:
     axes = page.subplots(1, len(pairs), squeeze=False)[0]
     for place, pair in zip(axes, pairs, strict=True):
         shown = _draw_matrix(place, pair)
-    bar_beside(axes[-1], shown, "correlation")
-    heading(page, "Correlations of the camera's parameters")
+    style.bar_beside(axes[-1], shown, "correlation")
+    style.heading(page, "Correlations of the camera's parameters")
 
 
 def _draw_matrix(axes: "Axes", pair: Pair) -> "ScalarMappable":
     from matplotlib.colors import LinearSegmentedColormap
 
-    colours = LinearSegmentedColormap.from_list("signed", [BLUE, "white", VERMILION]).with_extremes(bad=EMPTY)
+    colours = LinearSegmentedColormap.from_list("signed", [style.BLUE, "white", style.VERMILION]).with_extremes(
+        bad=style.EMPTY
+    )
     matrix, names = merged(pair), [name.removesuffix("_px") for name in pair.found.names]
     shown = axes.imshow(matrix, cmap=colours, vmin=-1, vmax=1)
     axes.set_xticks(range(len(names)), names)
@@ -125,7 +109,7 @@ def _draw_matrix(axes: "Axes", pair: Pair) -> "ScalarMappable":
     axes.set_title(f"{printable(case.target)}, N = {case.size}{setting}")
     for (row, column), value in np.ndenumerate(matrix):
         if np.isfinite(value):
-            colour = PALE if abs(value) > DARK else DEEP
+            colour = style.PALE if abs(value) > DARK else style.DEEP
             text = f"{round(value, 2) + 0.0:.2f}"
             axes.text(column, row, text, ha="center", va="center", color=colour, fontsize=11)
     samples = f"{pair.found.count} converged samples"
@@ -134,7 +118,7 @@ def _draw_matrix(axes: "Axes", pair: Pair) -> "ScalarMappable":
     if pair.found.strongest is not None:
         first, second, strength = pair.found.strongest
         ties = f"strongest {first.removesuffix('_px')} with {second.removesuffix('_px')}: {strength:.3f}"
-    remark(axes, f"root mean square {pair.found.root_mean_square:.2f}; {ties}")
+    style.note(axes, f"root mean square {pair.found.root_mean_square:.2f}; {ties}")
     return shown
 
 
@@ -154,15 +138,15 @@ def draw_convergence(page: "Figure", summaries: Sequence[CaseSummary]) -> None:
         _draw_panel(place, metric, summaries)
     sightings = summaries[0].case.sightings
     of = f" ({printable(sightings)})" if sightings else ""
-    heading(page, f"Standard deviation of the errors over the number of views{of}; bars: standard error")
-    legend_below(page, axes, 4, handle_length=3.2)
+    style.heading(page, f"Standard deviation of the errors over the number of views{of}; bars: standard error")
+    style.legend_below(page, axes, 4, handle_length=3.2)
 
 
 def _draw_panel(axes: "Axes", metric: Metric, summaries: Sequence[CaseSummary]) -> None:
     from matplotlib.ticker import NullFormatter
 
     axes.set_title(f"{metric.name.capitalize()} error")
-    open_axes(axes, "N, views of a sample", f"σ in {unit_words(metric)}")
+    style.open_axes(axes, "N, views of a sample", f"σ in {unit_words(metric)}")
     sizes = sorted({one.case.size for one in summaries})
     samplings = list(dict.fromkeys(one.case.sampling for one in summaries))
     is_drawn = []
@@ -173,13 +157,13 @@ def _draw_panel(axes: "Axes", metric: Metric, summaries: Sequence[CaseSummary]) 
             is_drawn.append(_draw_series(axes, metric, sorted(chosen, key=lambda one: one.case.size), colour, place))
         _draw_paper(axes, metric, target, sizes, colour)
     if not any(is_drawn):
-        nothing(axes, "no case has a standard deviation")
+        style.nothing(axes, "no case has a standard deviation")
         return
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xticks(sizes, [str(size) for size in sizes])
     axes.xaxis.set_minor_formatter(NullFormatter())
-    log_axis(axes.yaxis)
+    style.log_axis(axes.yaxis)
     axes.grid(visible=True, which="major", color="#e4e4e4", linewidth=0.8)
     axes.set_axisbelow(True)
 
@@ -195,7 +179,7 @@ def _draw_series(axes: "Axes", metric: Metric, cases: Sequence[CaseSummary], col
     error = np.array([metric.in_paper_units(one.sigma_error) for _, one in known])
     case = cases[0].case
     guide = sigma[-1] * np.sqrt(sizes[-1] / sizes)
-    axes.plot(sizes, guide, color=GREY, linewidth=1.2, linestyle=(0, (1, 2)), label="1/√N through the largest N")
+    axes.plot(sizes, guide, color=style.GREY, linewidth=1.2, linestyle=(0, (1, 2)), label="1/√N through the largest N")
     axes.errorbar(
         sizes, sigma, np.minimum(error, 0.99 * sigma), color=colour, linewidth=2.2, capsize=4, markersize=8,
         marker=MARKERS[place % len(MARKERS)], linestyle=STYLES[place % len(STYLES)],
@@ -232,17 +216,17 @@ def draw_histograms(page: "Figure", cases: Sequence[tuple[CaseSummary, SampleArr
     first = cases[0][0].case.setting
     setting = f" ({setting_in_words(first)})" if any(first) else ""
     of = f"Bootstrap errors{setting}: samples and fitted Gaussians"
-    heading(page, f"{of}. Bars: 95 % of a Gaussian; ticks: of the samples")
+    style.heading(page, f"{of}. Bars: 95 % of a Gaussian; ticks: of the samples")
 
 
 def _draw_errors(axes: "Axes", metric: Metric, target: str, drawn: list[tuple[Array, CaseSummary, int]]) -> None:
     """One metric of one target: samples (S,), their statistics, and the place of the colour."""
     axes.set_title(f"{printable(target)}: {metric.name} error")
-    open_axes(axes, f"{metric.name} error in {unit_words(metric)}", "share of samples, %")
+    style.open_axes(axes, f"{metric.name} error in {unit_words(metric)}", "share of samples, %")
     # Beyond that they have no difference, or none in the paper's unit.
     scaled = [metric.in_paper_units(1.0) * values[np.abs(values) < LARGEST] for values, _, _ in drawn]
     if not any(len(values) for values in scaled):
-        nothing(axes, "no sample has this error")
+        style.nothing(axes, "no sample has this error")
         return
     found = [one.of(metric.name) for _, one, _ in drawn]
     edges = _edges(scaled)
@@ -262,7 +246,7 @@ def _draw_errors(axes: "Axes", metric: Metric, target: str, drawn: list[tuple[Ar
     axes.set_xlim(edges[0], edges[-1])
     axes.locator_params(axis="x", nbins=6)  # numbers of many digits must not run into each other
     axes.set_ylim(0, top * scale)
-    remark(axes, _remark(scaled, edges, [summary for _, summary, _ in drawn], found))
+    style.note(axes, _remark(scaled, edges, [summary for _, summary, _ in drawn], found))
     axes.legend(
         loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, handlelength=1.2, borderaxespad=0.2, fontsize=10
     )
@@ -305,7 +289,9 @@ def _draw_interval(axes: "Axes", height: float, metric: Metric, found: Distribut
         return
     axes.plot([low, high], [height, height], color=colour, linewidth=4, solid_capstyle="butt")
     axes.plot([mu], [height], marker="o", markersize=6, color=colour, markeredgecolor="white")
-    axes.plot([left, right], [height, height], linestyle="", marker="|", markersize=13, markeredgewidth=1.8, color=INK)
+    axes.plot(
+        [left, right], [height, height], linestyle="", marker="|", markersize=13, markeredgewidth=1.8, color=style.INK
+    )
 
 
 def _remark(scaled: list[Array], edges: Array, summaries: list[CaseSummary], found: list[Distribution]) -> str:

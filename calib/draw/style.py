@@ -4,6 +4,7 @@ The figures of a study: each a picture in several formats, for a text of one's o
 """
 
 import io
+import math
 import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -266,12 +267,21 @@ def nothing(axes: "Axes", text: str = "") -> None:
 
 def round_length(length: float) -> float:
     """The nearest of 1, 2 and 5 times a power of ten, for a scale arrow."""
-    import math
-
     if not length > 0:
         return 1.0
     power = 10.0 ** math.floor(math.log10(length))
     return min((1, 2, 5, 10), key=lambda step: abs(math.log(length / (step * power)))) * power
+
+
+def nice(value: float, *, is_down: bool = False) -> float:
+    """1, 2 or 5 times a power of ten, at least (or at most) the value."""
+    if not math.isfinite(value) or value <= 0:
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(value))
+    steps = [step * power for step in (1, 2, 5, 10)]
+    if is_down:
+        return max(step for step in steps if step <= value * (1 + 1e-9))
+    return min(step for step in steps if step >= value * (1 - 1e-9))
 
 
 FIGURES_FOLDER = "figures"

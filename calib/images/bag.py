@@ -246,11 +246,7 @@ def _storages_in(folder: Path) -> list[Path]:
 
 
 def _files_of(path: Path) -> tuple[Path, ...]:
-    """The files of a bag.
-
-    Raises:
-        InputError: they are not there.
-    """
+    """The files of a bag; InputError: they are not there."""
     if not path.is_dir():
         if not path.is_file():
             raise InputError(f"{path}: no such file; give a .bag, .mcap or .db3 file, or the folder of a rosbag2")
@@ -352,10 +348,8 @@ def _info_text(info: object) -> str:
 
 
 _STAMP = attrgetter("header.stamp.sec", "header.stamp.nanosec")
-_IMAGE, _PACKED = (
-    attrgetter("height", "width", "step", "is_bigendian", "encoding", "data"),
-    attrgetter("format", "data"),
-)
+_IMAGE = attrgetter("height", "width", "step", "is_bigendian", "encoding", "data")
+_PACKED = attrgetter("format", "data")
 
 
 def stamp_ns(message: object) -> int:

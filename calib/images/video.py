@@ -152,11 +152,7 @@ def frames_of(
 
 @contextmanager
 def _capture(path: Path) -> "Iterator[VideoCapture]":
-    """The decoder, without a word of its own on the screen, and as the sensor saw.
-
-    Raises:
-        DamagedError: it takes no such file.
-    """
+    """The decoder, without a word of its own on the screen, as the sensor saw; DamagedError: it takes no such file."""
     if not is_clip(path):
         raise DamagedError("is no video in a known format; give MP4, MOV, AVI, MKV or WebM, or photos")
     os.environ.setdefault(*_QUIET)

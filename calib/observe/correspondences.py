@@ -20,7 +20,7 @@ from calib.core.csv_table import COVARIANCE, CsvTable, column_fault, read_table,
 from calib.core.types import KnownPoints, Observations
 from calib.observe.dataset import FIRST_LINE, MAX_SIDE_PX, read_detections
 from calib.observe.observations import known_points, knows_fronts, observations_from_detections, prepare
-from calib.observe.point_target import MAX_FACE
+from calib.observe.point_target import MAX_FACE, ids_of, points_with_planes
 from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 from designer.base.words import shown
@@ -61,13 +61,7 @@ def read_observations(
 ) -> Observations:
     """What a camera is solved from, of a file of any of the three kinds; its first lines tell which.
 
-    Args:
-        path: detections.csv, a CSV with image,u,v,X,Y,Z, or mrcal's corners.vnl.
-        target: of detections, or its file; a table may show one too, else it holds its own points.
-        image_size: width and height in px of what does not say it itself.
-        grid: of a corners.vnl.
-        points: what a table's points are, one of `POINTS`; None: as the table or the target says, if one does.
-        diameter_mm: of circles; None: as the table or the target says.
+    It takes what `calib.load_observations` does, of a detections.csv, a CSV with image,u,v,X,Y,Z, or a corners.vnl.
 
     Raises:
         InputError: the file is not to be read, something else is needed or does not belong, or nothing is left.
@@ -231,8 +225,6 @@ def _positions(table: CsvTable) -> Array:
 
 def _own_points(table: CsvTable) -> tuple[Rows, KnownPoints, tuple[str, ...]]:
     """The point of each row (M,), the points of a table that shows no target, and remarks on them."""
-    from calib.observe.point_target import points_with_planes
-
     unique, first, point = np.unique(_positions(table), axis=0, return_index=True, return_inverse=True)
     point = point.reshape(-1)
     face = None
@@ -247,8 +239,6 @@ def _own_points(table: CsvTable) -> tuple[Rows, KnownPoints, tuple[str, ...]]:
 def _points_of(table: CsvTable, target: TargetGeometry) -> Rows:
     """The row of the target's point that each row shows.  # (M,)"""
     from scipy.spatial import cKDTree
-
-    from calib.observe.point_target import ids_of
 
     if ID in table.cells:
         ids, known = table.whole_numbers(ID), ids_of(target)

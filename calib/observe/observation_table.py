@@ -8,6 +8,7 @@ import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import TextIO
 
@@ -96,12 +97,15 @@ def read_sightings(path: Path, view_names: Sequence[str], points: KnownPoints) -
 
     def require(ok: Flags, rule: str) -> None:
         if not ok.all():
-            raise InputError(f"{path}: line {_line_of(path, int(np.argmin(ok)))}: {rule}")
+            line, _, _ = next(islice(_rows(path), int(np.argmin(ok)), None))  # in which the row ends
+            raise InputError(f"{path}: line {line}: {rule}")
 
     require(values[:, 0] >= 0, "its image is no view of the calibration")
     require(np.diff(values[:, 0], prepend=0) >= 0, "its image comes before that of the line above in the calibration")
-    point = _whole(values[:, 1], 0, len(points.face) - 1)
-    require(point >= 0, f"point must be one of the calibration's, 0 to {len(points.face) - 1}")
+    number, last = values[:, 1], len(points.face) - 1
+    is_one = (number >= 0) & (number <= last) & (number == np.floor(number))
+    require(is_one, f"point must be one of the calibration's, 0 to {last}")
+    point = number.astype(np.int64)
     expected = np.column_stack([points.face, points.position_mm])[point]
     require(
         np.abs(values[:, 2:6] - expected).max(axis=1) == 0,
@@ -120,12 +124,6 @@ def read_sightings(path: Path, view_names: Sequence[str], points: KnownPoints) -
     return TableSightings(
         values[:, 0].astype(np.int64), point, values[:, 6:8], values[:, 8:10], values[:, 10] == 1, covariance
     )
-
-
-def _whole(values: Array, least: int, most: int) -> Rows:
-    """Whole numbers within bounds; -1 for what is none."""
-    is_whole = (values >= least) & (values <= most) & (values == np.floor(values))
-    return np.where(is_whole, values, -1).astype(np.int64)
 
 
 @contextmanager
@@ -199,8 +197,3 @@ def _is_number(cell: str) -> bool:
     except ValueError:
         return False
     return cell.isascii() and "_" not in cell
-
-
-def _line_of(path: Path, row: int) -> int:
-    """The number of the line in which a row ends."""
-    return next(line for count, (line, _, _) in enumerate(_rows(path)) if count == row)

@@ -209,11 +209,7 @@ def _say(said: list[str], names: Sequence[str], which: Flags, reason: str, *, of
 
 
 def _common_size(every: Sequence[tuple[int, int]], kept: Flags, origin: str, said: Sequence[str]) -> tuple[int, int]:
-    """The image size of most views.
-
-    Raises:
-        InputError: there are no views, or two sizes have the most.
-    """
+    """The image size of most views; InputError: there are no views, or two sizes have the most."""
     sizes = [size for size, ok in zip(every, kept, strict=True) if ok]
     if not sizes:
         why = f" ({said[-1]})" if said else ""

@@ -3,19 +3,28 @@
 The table is a CSV with X, Y, Z in mm, and may hold the plane that each point lies in and an id, a whole number by which
 tables of observations name it. The planes are fitted, or stand in a table of their own: plane,nx,ny,nz,d with the
 normal n on the side that is seen, and n X = d.
+
+Kalibr's target files: `target_type` aprilgrid, checkerboard or circlegrid, lengths in metres (its ConfigReader).
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from calib.cameras.formats.parsing import mapping, number, parse_yaml, required
 from calib.core.csv_table import CsvTable, column_fault, read_table, read_text
 from calib.core.types import KnownPoints
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError
-from designer.base.words import first_few, shown
+from designer.base.files import read_small_text
+from designer.base.words import first_few, shown, suggestion_or_all
+from designer.marks.aprilgrid import AprilGrid
+from designer.marks.chessboard import Chessboard
+from designer.marks.circles import Circles
+from designer.marks.face_marks import FaceMarks
 from designer.target import MAX_INDEX, TargetGeometry
 
 MAX_FILE_BYTES = 64 * 2**20
@@ -275,15 +284,68 @@ def points_with_planes(position_mm: Array, face: Rows | None) -> tuple[KnownPoin
     planes = np.tile([0.0, 0.0, 1.0, 0.0], (count, 1))  # stays so for numbers that no plane has
     uneven: list[str] = []
     order = np.argsort(face, kind="stable")
-    for number, rows in enumerate(np.split(order, np.searchsorted(face[order], np.arange(count + 1)))[1:-1]):
+    for row, rows in enumerate(np.split(order, np.searchsorted(face[order], np.arange(count + 1)))[1:-1]):
         plane = _least_squares_plane(position_mm[rows], THINNEST)
         if plane is None:
             continue
-        planes[number], known[rows] = plane.row, number
+        planes[row], known[rows] = plane.row, row
         if (off_mm := plane.off_mm(position_mm[rows])) > UNEVEN * float(
             np.linalg.norm(np.ptp(position_mm[rows], axis=0))
         ):
-            uneven.append(f"{number} by {off_mm:.3g} mm")
+            uneven.append(f"{row} by {off_mm:.3g} mm")
     if uneven:
         said.append(f"faces whose points are off their mean plane: {first_few(uneven)}")
     return KnownPoints(position_mm, known, planes), tuple(said)
+
+
+MAX_YAML_BYTES = 2**20
+FIELDS: Mapping[str, tuple[str, ...]] = {
+    "aprilgrid": ("tagCols", "tagRows", "tagSize", "tagSpacing"),
+    "checkerboard": ("targetCols", "targetRows", "rowSpacingMeters", "colSpacingMeters"),
+    "circlegrid": ("targetCols", "targetRows", "spacingMeters"),
+}
+"""What each type has."""
+
+
+def read_kalibr_target(path: Path, diameter_mm: float | None) -> tuple[FaceMarks, tuple[str, ...]]:
+    """The marks of a file, and remarks on what it does not say.
+
+    Args:
+        path: the YAML file.
+        diameter_mm: of circles, which Kalibr does not ask for.
+
+    Raises:
+        InputError: it cannot be read, or breaks a rule; the message names it.
+    """
+    origin = str(path)
+    tree = mapping(
+        parse_yaml(read_small_text(path, MAX_YAML_BYTES, "Kalibr's target file"), origin), "the file", origin
+    )
+    kind = required(tree, ("target_type",), origin)
+    if not isinstance(kind, str) or kind not in FIELDS:
+        raise InputError(f"{origin}: target_type {shown(kind)} is unknown{suggestion_or_all(kind, FIELDS)}")
+    values = [number(required(tree, (name,), origin), name, origin) for name in FIELDS[kind]]
+    for name, value in zip(FIELDS[kind][:2], values[:2], strict=True):
+        if value != int(value):
+            raise InputError(f"{origin}: {name} {value:g}: must be a whole number")
+    if (diameter_mm is None) != (kind != "circlegrid"):
+        raise InputError(
+            f"{origin}: does not say how large the circles are; give --diameter" if kind == "circlegrid"
+            else f"--diameter: of circles; {origin} is of an {kind}; leave it out"
+        )  # fmt: skip
+    unused = [shown(one) for one in tree if one not in ("target_type", "asymmetricGrid", *FIELDS[kind])]
+    said = (f"{origin}: not used: {', '.join(unused)}",) if unused else ()
+    counts, lengths = (int(values[0]), int(values[1])), [1000 * value for value in values[2:]]
+    try:
+        if kind == "aprilgrid":
+            return AprilGrid(counts, lengths[0], values[3]), said
+        if kind == "circlegrid":
+            step = 2 if str(tree.get("asymmetricGrid")).lower() in ("true", "1") else 1
+            return Circles(counts, step * lengths[0], diameter_mm or 0.0, asymmetric=step == 2), said
+        if not math.isclose(*lengths, rel_tol=1e-9):
+            raise ValueError(f"rectangles of {lengths[1]:g} x {lengths[0]:g} mm: must be squares")
+        squares = (counts[0] + 1, counts[1] + 1)
+        corners = "Kalibr's rows and columns are inner corners; the upper left square is taken for dark"
+        return Chessboard(squares, lengths[0]), (corners, *said)
+    except ValueError as error:
+        raise InputError(f"{origin}: {error}") from None

@@ -136,11 +136,7 @@ def require_names(names: Sequence[str], fewest: int = 2) -> None:
 
 
 def _require_different_pictures(every: RigObservations) -> None:
-    """Refuse a camera that is another one once more.
-
-    Raises:
-        InputError: two cameras show the same pictures.
-    """
+    """Refuse a camera that is another one once more; InputError: two cameras show the same pictures."""
     for a, b in combinations(range(every.camera_count), 2):
         one, other = every.sightings[a], every.sightings[b]
         if one.image_size != other.image_size:

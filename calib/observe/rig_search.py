@@ -16,7 +16,18 @@ from calib.cameras.rig import ALONE
 from calib.core.csv_table import stamps_s
 from calib.core.types import RigObservations
 from calib.observe.photos import FoundPhotos, named_photos
-from calib.observe.rig_photos import RigPhoto, RigPhotos, framed
+from calib.observe.rig_photos import (
+    RigPhoto,
+    RigPhotos,
+    framed,
+    is_sightings,
+    joined_by_name,
+    photos_by_pattern,
+    photos_in_folders,
+    read_photo_table,
+    read_stamps,
+    with_stamps,
+)
 from designer.base.arrays import Array, Rows
 from designer.base.errors import InputError, NoAnswerError
 from designer.base.files import place_of
@@ -61,8 +72,6 @@ class RigInput:
     @property
     def has_sightings(self) -> bool:
         """Whether the table is all there is to solve from."""
-        from calib.observe.rig_photos import is_sightings
-
         return self.table is not None and is_sightings(self.table)
 
 
@@ -118,16 +127,6 @@ def photos_of_rig(given: RigInput) -> RigPhotos:
     Raises:
         InputError: they cannot be; the message names them.
     """
-    from calib.observe.rig_photos import (
-        framed,
-        joined_by_name,
-        photos_by_pattern,
-        photos_in_folders,
-        read_photo_table,
-        read_stamps,
-        with_stamps,
-    )
-
     if given.images is not None:
         return given.images
     if given.table is not None:

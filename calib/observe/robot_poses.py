@@ -18,7 +18,7 @@ from calib.core.csv_table import column_fault, csv_bytes, csv_cell, read_table, 
 from calib.core.se3 import MAX_DISTANCE_MM, interpolated, invert, make_pose, steps_between
 from calib.core.types import freeze
 from calib.observe.rotations import RotationColumns, RowError, of_quaternion, rotation_columns, to_quaternion
-from designer.base.arrays import Array, Flags
+from designer.base.arrays import Array, Flags, Rows
 from designer.base.errors import InputError
 from designer.base.files import parse_json
 from designer.base.words import figure, shown, suggestion
@@ -114,34 +114,34 @@ class RobotPoses:
 
     def at(self, time_s: Array) -> Array:
         """A stream's poses at times (T,): turned steadily and moved straight between its own.  # (T, 4, 4)"""
-        own = np.zeros(0) if self.time_s is None else self.time_s
-        return interpolated(own, self.base_from_flange, time_s)
+        return interpolated(self._stamps_s, self.base_from_flange, time_s)
 
     def sampled(self, names: Sequence[str], time_s: Array) -> "RobotPoses":
         """A stream's poses at times (T,), under names; what else its rows hold is that of the nearest."""
-        own = np.zeros(0) if self.time_s is None else self.time_s
-        after = np.clip(np.searchsorted(own, time_s), 1, len(own) - 1)
-        nearest = np.where(time_s - own[after - 1] < own[after] - time_s, after - 1, after)
-        angles = None if self.angles_rad is None else self.angles_rad[nearest]
-        return replace(
-            self,
-            images=tuple(names),
-            base_from_flange=self.at(time_s),
-            time_s=time_s,
-            angles_rad=angles,
-            covariance=None,
-        )
+        before, after = self._around(time_s)
+        own = self._stamps_s
+        nearest = np.where(time_s - own[before] < own[after] - time_s, before, after)
+        angles, pose = None if self.angles_rad is None else self.angles_rad[nearest], self.at(time_s)
+        named = replace(self, images=tuple(names), base_from_flange=pose, time_s=time_s)
+        return replace(named, angles_rad=angles, covariance=None)
 
     def is_known(self, time_s: Array) -> Flags:
         """Whether a stream tells the pose at times (T,): none before its first, after its last, or in a gap."""
-        own = np.zeros(0) if self.time_s is None else self.time_s
         if self.step_s == 0:
             return np.zeros(len(time_s), dtype=bool)
-        after = np.clip(np.searchsorted(own, time_s), 1, len(own) - 1)
-        begin, end = own[after - 1], own[after]
+        begin, end = (self._stamps_s[rows] for rows in self._around(time_s))
         is_gap = end - begin > max(GAP_STEPS * self.step_s, LONGEST_STEP_S / 2)
         known: Flags = ((begin <= time_s) & (time_s <= end) & ~is_gap) | (time_s == end)
         return known
+
+    @property
+    def _stamps_s(self) -> Array:
+        return np.zeros(0) if self.time_s is None else self.time_s
+
+    def _around(self, time_s: Array) -> tuple[Rows, Rows]:
+        """The poses before and after times (T,)."""
+        after = np.clip(np.searchsorted(self._stamps_s, time_s), 1, len(self._stamps_s) - 1)
+        return after - 1, after
 
     def moves_mm(self, time_s: Array) -> Array:
         """How far it moves in 0.1 s before and after times (T,), a turn as it moves what its camera sees.  # (T,)"""

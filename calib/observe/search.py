@@ -7,7 +7,6 @@ every part of the image is bright at some time, but for the dark around an image
 """
 
 import math
-import os
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -40,7 +39,7 @@ from calib.observe.photos import (
     searched_photos,
 )
 from calib.renderer.options import TRUTH_FILE
-from calib.renderer.quantities import whole
+from calib.renderer.quantities import processes_of
 from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.page.progress import Progress, unheard
@@ -57,7 +56,6 @@ is that leaves less than half of it."""
 MOST_OFF_PX = 5.0
 """Rings that lie farther off, or that a lens does not show, count as so far."""
 NOTHING_LEFT = "no photos left to search"
-MOST_JOBS = 1024
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,10 +103,8 @@ class PhotoSearch:
     def _looked(self, look: Look, overlay_folder: Path | None, read: Read) -> tuple[PhotoResult, ...]:
         named = named_photos(self.photos.photos)
         results: list[PhotoResult] = []
-        processes = (os.cpu_count() or 1) if self.jobs is None else whole("--jobs", self.jobs, 1, MOST_JOBS)
-        for result in searched_photos(
-            named, self.target, look, overlay_folder=overlay_folder, jobs=processes, read=read
-        ):
+        jobs = processes_of(self.jobs)
+        for result in searched_photos(named, self.target, look, overlay_folder=overlay_folder, jobs=jobs, read=read):
             results.append(result)
             self.progress("searching", len(results), len(named))
         return tuple(results)

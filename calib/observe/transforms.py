@@ -165,11 +165,7 @@ def stream(origin: str, time_s: Array, pose: Array) -> RobotPoses:
 
 
 def _ordered(origin: str, values: Sequence[float]) -> tuple[Array, Array]:
-    """Times (N,), each once and ascending, and poses (N, 4, 4) of rows of numbers.
-
-    Raises:
-        InputError: a transform that is none, or stamps that go back far.
-    """
+    """Times (N,), each once and ascending, and poses (N, 4, 4) of rows of numbers; InputError: no such rows."""
     table = np.frombuffer(cast("array[float]", values), np.float64).reshape(-1, ROW)
     length = np.linalg.norm(table[:, 4:], axis=1)
     is_fine = np.isfinite(table).all(axis=1) & (np.abs(length - 1) < 0.01)

@@ -1,6 +1,7 @@
 """Quantities of a photo in text: angles, pixels, ranges of length."""
 
 import math
+import os
 import re
 from collections.abc import Callable
 from numbers import Integral, Real
@@ -11,6 +12,7 @@ from designer.base.units import parse_length_mm
 from designer.base.words import shown
 
 T = TypeVar("T")
+MOST_JOBS = 1024
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
 
 
@@ -41,6 +43,11 @@ def whole(option: str, value: object, low: int, high: int) -> int:
         what = "" if isinstance(value, Integral) else "a whole number "
         raise InputError(f"{option} {shown(value) if what else value}: must be {what}from {low} to {high}")
     return int(value)
+
+
+def processes_of(jobs: int | None) -> int:
+    """How many things are done at a time; None: one per core."""
+    return (os.cpu_count() or 1) if jobs is None else whole("--jobs", jobs, 1, MOST_JOBS)
 
 
 def number(option: str, value: object) -> float:

@@ -26,7 +26,7 @@ from playwright.sync_api import Page as Tab  # noqa: E402
 
 import calib  # noqa: E402
 import designer  # noqa: E402
-from calib.app.inputs import camera_of  # noqa: E402
+from calib.app.inputs import load_camera  # noqa: E402
 from calib.cameras import DEFAULT  # noqa: E402
 from calib.studies.statistics import HALF_WIDTH  # noqa: E402
 from calib.studies.tolerance.draw import bare_draw, drawn_noise, drawn_values, with_errors  # noqa: E402
@@ -120,7 +120,7 @@ def main() -> None:
     table = study.what_ifs
     assert table is not None
     photos = advised_photos(target)
-    setting = make_setting(target, camera_of("machine-vision"), views=90, photos=photos, model=DEFAULT, seed=1)
+    setting = make_setting(target, load_camera("machine-vision"), views=90, photos=photos, model=DEFAULT, seed=1)
     rng = np.random.default_rng(given.seed)
     counts = {"within": 0, "marked, off": 0, "marked, within": 0, "OFF, NOT MARKED": 0}
     worst = 0.0

@@ -8,7 +8,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from calib.observe.kalibr_target import read_kalibr_target
+from calib.observe.point_target import read_kalibr_target
 from designer.base.errors import InputError
 from designer.formats.point_lists import POINT_FORMATS
 from designer.marks.aprilgrid import AprilGrid

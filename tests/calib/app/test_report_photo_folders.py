@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from calib.app.render_page import option_words
+from calib.draw.camera_scene import MOST_VIEWS, place_view
 from calib.draw.gallery import MOST_PICTURES, Shot, spread
-from calib.draw.place_scene import MOST_VIEWS, place_view
 from calib.judge.folders import keep_target, kept_target
 from calib.observe.photos import find_photos
 from calib.renderer.faces import ring_truth
