@@ -1,5 +1,6 @@
 """What is seen in photos, and of what; and parts of it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -211,15 +212,19 @@ def keep_frames(observations: RigObservations, keep: Flags) -> RigObservations:
     """The sightings of some frames (V,), which are numbered anew."""
     if keep.all():
         return observations
-    number = np.cumsum(keep) - 1
-    rows = [keep[frames] for frames in observations.frame]
+    number, kept = np.cumsum(keep) - 1, keep_photos(observations, [keep[frames] for frames in observations.frame])
+    names = tuple(name for name, ok in zip(observations.frame_names, keep.tolist(), strict=True) if ok)
+    return replace(kept, frame_names=names, frame=tuple(number[frames] for frames in kept.frame))
+
+
+def keep_photos(observations: RigObservations, keep: Sequence[Flags]) -> RigObservations:
+    """The sightings of some views (V_c,) of each camera; all frames stay."""
     times = observations.time_s
     return replace(
         observations,
-        frame_names=tuple(name for name, ok in zip(observations.frame_names, keep.tolist(), strict=True) if ok),
-        sightings=tuple(keep_views(seen, ok) for seen, ok in zip(observations.sightings, rows, strict=True)),
-        frame=tuple(number[frames[ok]] for frames, ok in zip(observations.frame, rows, strict=True)),
-        time_s=None if times is None else tuple(one[ok] for one, ok in zip(times, rows, strict=True)),
+        sightings=tuple(keep_views(seen, ok) for seen, ok in zip(observations.sightings, keep, strict=True)),
+        frame=tuple(frames[ok] for frames, ok in zip(observations.frame, keep, strict=True)),
+        time_s=None if times is None else tuple(one[ok] for one, ok in zip(times, keep, strict=True)),
     )
 
 

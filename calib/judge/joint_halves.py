@@ -15,7 +15,7 @@ import numpy as np
 
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import skew, steps_between
-from calib.core.types import RigObservations, keep_frames, keep_sightings, keep_views, sightings_per_view
+from calib.core.types import RigObservations, keep_frames, keep_photos, keep_sightings, sightings_per_view
 from calib.judge.halves import PER_RIGHT_ANGLE, PLACE, NoHalves, PairApart, RigHalves, RigSplit, SplitKind, by_turns
 from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.relative import relative
@@ -110,17 +110,9 @@ def ways_to_halve(found: RigCalibration) -> tuple[tuple[SplitKind, Flags], ...]:
 def without_outliers(found: RigCalibration) -> RigObservations:
     """The sightings that count, of points as they are given: what all frames left out, halves leave out too."""
     seen = as_given(found)
-    sightings, frames, times = [], [], []
-    for camera, own in enumerate(seen.sightings):
-        kept = keep_sightings(own, ~found.is_outlier[camera])
-        has_some = sightings_per_view(kept) > 0
-        sightings.append(keep_views(kept, has_some))
-        frames.append(seen.frame[camera][has_some])
-        if seen.time_s is not None:
-            times.append(seen.time_s[camera][has_some])
-    return replace(
-        seen, sightings=tuple(sightings), frame=tuple(frames), time_s=None if seen.time_s is None else tuple(times)
-    )
+    each = zip(seen.sightings, found.is_outlier, strict=True)
+    counted = replace(seen, sightings=tuple(keep_sightings(own, ~outlier) for own, outlier in each))
+    return keep_photos(counted, [sightings_per_view(own) > 0 for own in counted.sightings])
 
 
 def _compared(kind: SplitKind, whole: RigCalibration, first: RigCalibration, second: RigCalibration) -> RigSplit | None:

@@ -22,7 +22,7 @@ from calib.cameras import linearise, parameter_names, rays
 from calib.cameras.refit import image_grid
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread_with_scipy
-from calib.core.types import Observations, RigObservations, keep_views
+from calib.core.types import Observations, RigObservations, keep_photos
 from calib.rigs.adjust import adjusted
 from calib.rigs.problem import CameraChoice, RigOptions
 from calib.rigs.result import RigCalibration, as_given
@@ -233,14 +233,7 @@ def _solved_without(is_off: Sequence[Flags], rms: Sequence[Array], task: _RigTas
             f"its photos {figure(float(np.nanmedian(own[:, 1])), 2)} px: is it a false detection, or of another moment?"
             for row in np.flatnonzero(off).tolist()
         ]
-    times = observations.time_s
-    keep = [~off for off in is_off]
-    kept = replace(
-        observations,
-        sightings=tuple(keep_views(seen, ok) for seen, ok in zip(observations.sightings, keep, strict=True)),
-        frame=tuple(frames[ok] for frames, ok in zip(observations.frame, keep, strict=True)),
-        time_s=None if times is None else tuple(stamp[ok] for stamp, ok in zip(times, keep, strict=True)),
-    )
+    kept = keep_photos(observations, [~off for off in is_off])
     found = solve_rig(kept, task.choices, task.options)
     return replace(found, remarks=(*remarks, *found.remarks))
 
