@@ -9,6 +9,7 @@ it. These never raise: a matrix that is not finite determines nothing. Whether s
 the diagonal scaled to one, so that it does not depend on units (van der Sluis 1969).
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -142,3 +143,8 @@ def _unit_diagonal(matrix: Array) -> tuple[Array, Array]:
     scale = np.where(able, 1 / np.sqrt(np.where(able, diagonal, 1.0)), 0.0)
     whole = np.where(np.isfinite(matrix), matrix, 0.0)
     return whole * scale[..., :, None] * scale[..., None, :], scale
+
+
+def rms_length(vector: Array) -> float:
+    """Root mean square length of vectors (N, D); nan of none."""
+    return math.sqrt(float((vector**2).sum(axis=1).mean())) if len(vector) else math.nan

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from calib.core.linear_algebra import rms_length
 from calib.core.se3 import exp_rotation
 from designer.base.arrays import Array, Rows
 from designer.target import TargetGeometry
@@ -269,7 +270,7 @@ def _solved(
         share = [max(1 - 8 / (2 * len(one)), 0.2) for one in off]
         jitter = [max(math.sqrt((one**2).mean() / part), CENTRE_FLOOR_PX) for one, part in zip(off, share, strict=True)]
     covariance = np.linalg.inv(fit.jac.T @ fit.jac)[:3, :3]
-    rms = tuple(float(np.sqrt((one**2).sum(axis=1).mean())) for one in off)
+    rms = tuple(map(rms_length, off))
     return PlacedPictures(tuple(placed(numbers)), numbers[:3], covariance, rms)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from calib.cameras import project, rays
 from calib.cameras.refit import image_grid
-from calib.core.linear_algebra import sums_by
+from calib.core.linear_algebra import rms_length, sums_by
 from calib.core.se3 import transform
 from calib.judge.coverage import Coverage, coverage_of, lit_part, sigma_over_lit_px
 from calib.judge.difference import Known, apart, sigma_over
@@ -287,9 +287,9 @@ def _on_target(errors: Errors | None, rmse_px: float) -> float | None:
         return None
     mean = total / np.maximum(count, 1)[:, None]
     variance = float(((vector - mean[point]) ** 2).sum()) / freedom
-    rms = math.sqrt(float((mean[enough] ** 2).sum(axis=1).mean()))
+    rms = rms_length(mean[enough])
     by_noise = math.sqrt(variance * float((1 / count[enough]).mean()))
-    rmse_mm = math.sqrt(float((vector**2).sum(axis=1).mean()))
+    rmse_mm = rms_length(vector)
     beyond = _beyond_noise(rms, by_noise)
     return None if beyond is None else beyond * rmse_px / rmse_mm if rmse_mm > 0 else 0.0
 
@@ -307,14 +307,13 @@ def _model_apart(judged: Calibration, other: Calibration, covered: Coverage) -> 
 
 def rms_px(calibration: Calibration) -> float:
     """Root mean square length of the residuals that count; nan of none."""
-    residual = calibration.residual_px[~calibration.is_outlier]
-    return math.sqrt(float((residual**2).sum(axis=1).mean())) if len(residual) else math.nan
+    return rms_length(calibration.residual_px[~calibration.is_outlier])
 
 
 def joint_evidence(found: "RigCalibration", halves: RigHalves | NoHalves) -> JointEvidence:
     """What a rig and halves of its frames tell."""
     from calib.judge.joint_halves import enlarged
-    from calib.rigs.figures import pair_figures, rms_length, ties_of
+    from calib.rigs.figures import pair_figures, ties_of
     from calib.rigs.relative import carried_error, middle_error
 
     told, seen, is_known = enlarged(found, halves), found.observations, found.status != "degenerate"

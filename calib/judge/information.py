@@ -28,7 +28,7 @@ from calib.judge.coverage import lit_part
 from calib.solver.accuracy import SHARE_PERCENT, projected_change, share_px
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
-from calib.solver.problem import SolveOptions, pack, tie_parameters
+from calib.solver.problem import SolveOptions, origin_poses, pack, tie_parameters
 from calib.solver.schur import reduced_normal
 from calib.solver.target_error import LeftOpen
 from designer.base.arrays import Array
@@ -80,8 +80,7 @@ def _covariance_with_guess(calibration: Calibration) -> Array:
     tie = tie_parameters(camera.model, SolveOptions(fixed=tuple((name, None) for name in calibration.fixed)))
     has_some = sightings_per_view(calibration.observations) > 0
     problem = pack(keep_views(calibration.observations, has_some), weighted=calibration.weighted)
-    pose = np.array(calibration.cam_from_target[has_some])
-    pose[:, :3, 3] += pose[:, :3, :3] @ problem.origin_mm
+    pose = origin_poses(problem, calibration.cam_from_target[has_some])
     try:
         normal, _ = reduced_normal(view_blocks(problem, camera, pose, RobustLoss()).products, tie.row)
     except np.linalg.LinAlgError:  # not even a pose is determined

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.cameras.camera import Camera
+from calib.core.linear_algebra import rms_length
 from calib.core.types import LEAST_POINTS, Detections, KnownPoints, Observations
 from calib.detector.frame_quality import FrameQuality
 from calib.judge.candidate_views import novelty
@@ -112,8 +113,7 @@ def frame_pose(found: Detections, camera: Camera, points: KnownPoints) -> Array 
     pose = solved.cam_from_target[0]
     if not np.isfinite(pose).all() or not np.isfinite(solved.residual_px).all():
         return None
-    off_px = float(np.sqrt((solved.residual_px**2).sum(axis=1).mean()))
-    return pose if off_px < NO_FIT * max(camera.image_size) else None
+    return pose if rms_length(solved.residual_px) < NO_FIT * max(camera.image_size) else None
 
 
 STILL_S = 0.3

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import numpy as np
 
+from calib.core.linear_algebra import rms_length
 from calib.core.se3 import exp_rotation
 from calib.measure_target.cross_validation import CrossValidation, Gain
 from calib.measure_target.deviations import (
@@ -183,11 +184,9 @@ def _cameras(found: AsBuilt) -> Iterator[SolvedCamera]:
     for camera, covariance, seen, residual, is_outlier in zip(
         found.cameras, found.param_covariance, found.observations, found.residual_px, found.is_outlier, strict=True
     ):
-        used = residual[~is_outlier]
-        rms_px = float(np.sqrt((used**2).sum(axis=1).mean())) if len(used) else math.nan
         yield SolvedCamera(
             camera.model, camera.image_size, camera.parameters, covariance, seen.view_count, len(seen.view),
-            int(is_outlier.sum()), rms_px,
+            int(is_outlier.sum()), rms_length(residual[~is_outlier]),
         )  # fmt: skip
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from calib.cameras import linearise, rays
 from calib.cameras.camera import Camera
 from calib.cameras.rig import Rig
+from calib.core.linear_algebra import rms_length
 from calib.core.se3 import compose, invert
 from calib.rigs.relative import Relative, relative, worst
 from calib.rigs.result import RigCalibration
@@ -146,11 +147,6 @@ def widest_chain(shared: Rows) -> Rows:
     for through in range(len(shared)):
         widest = np.maximum(widest, np.minimum(widest[:, through, None], widest[None, through]))
     return widest
-
-
-def rms_length(residual: Array) -> float:
-    """Root mean square length of vectors (N, 2); nan of none."""
-    return float(np.sqrt((residual**2).sum(axis=1).mean())) if len(residual) else math.nan
 
 
 def _rms_together(found: RigCalibration, a: int, b: int) -> float:

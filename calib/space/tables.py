@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib.core.linear_algebra import rms_length
 from calib.space.propagate import rms_error_mm, with_noise
 from calib.space.triangulate import ONE_CAMERA, REASONS, TriangulatedPoints
 from designer.base.arrays import Array
@@ -114,7 +115,7 @@ def _seen_by(found: TriangulatedPoints, camera: int, variance_px2: Array) -> See
     return SeenByCamera(
         found.rig.names[camera], int(rows.sum()), int(alone.sum()), int((rows & found.is_gross).sum()),
         float(np.sqrt(variance_px2[used].mean())) if known else float(found.noise_px[camera]),
-        float(np.sqrt((residual**2).sum(axis=1).mean())) if known else np.nan,
+        rms_length(residual),
         float(np.sqrt((off**2).mean())) if known else np.nan,
     )  # fmt: skip
 

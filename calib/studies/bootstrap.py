@@ -20,7 +20,7 @@ from calib.solver.metrics.intersection import intersection
 from calib.solver.metrics.pose import pose
 from calib.solver.metrics.reconstruction import reconstruction
 from calib.solver.metrics.reprojection import reprojection
-from calib.solver.problem import Problem, SolveOptions, Tie, pack, tie_parameters
+from calib.solver.problem import Problem, SolveOptions, Tie, origin_poses, pack, tie_parameters
 from calib.studies.near import Expansion, expand, find_near
 from calib.studies.sample_metrics import Sample, sample_errors
 from calib.studies.samples import SampleErrors, SampleResult, draw_counts, failed_sample
@@ -92,8 +92,7 @@ def make_pool(observations: Observations, model: str, options: SolveOptions, tru
         remarks += truth_remarks(calibration, truth)
         center = centers_mm(truth.poses_of(kept.view_names))
     problem = pack(kept, weighted=options.weighted)
-    poses = np.array(calibration.cam_from_target)
-    poses[:, :3, 3] += poses[:, :3, :3] @ problem.origin_mm
+    poses = origin_poses(problem, calibration.cam_from_target)
     tie = tie_parameters(model, options)
     expansion = None
     is_few = model in fitted_models()  # of hundreds of parameters there is no expansion

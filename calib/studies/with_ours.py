@@ -15,7 +15,7 @@ from calib.cameras import fitted_models
 from calib.core.linear_algebra import symmetric_inverse
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.calibration import Calibration
-from calib.solver.problem import SolveOptions, pack, tie_parameters
+from calib.solver.problem import SolveOptions, origin_poses, pack, tie_parameters
 from calib.solver.schur import reduced_normal
 from calib.studies.tolerance.seen import CONTRAST_TO_NOISE, views_of
 from designer.base.arrays import Array, Rows
@@ -84,8 +84,7 @@ def _focal_sigma_px(calibration: Calibration, target: TargetGeometry, poses: Arr
     if not len(kept) or tie.row[0] < 0:
         return kept, math.nan
     problem = pack(seen, weighted=True)
-    pose = np.array(poses[kept])
-    pose[:, :3, 3] += pose[:, :3, :3] @ problem.origin_mm
+    pose = origin_poses(problem, poses[kept])
     normal, _ = reduced_normal(view_blocks(problem, camera, pose, RobustLoss()).products, tie.row)
     told = symmetric_inverse(normal)
     if told.rank < len(normal):

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from calib.core.linear_algebra import sums_by
+from calib.core.linear_algebra import rms_length, sums_by
 from calib.solver.metrics.evaluation import Evaluation
 from designer.base.arrays import Array, Rows
 
@@ -48,8 +48,7 @@ class ResidualCells:
     @property
     def rms_of_means_px(self) -> float:
         """Root mean square length of the cells' means; nan if no cell has one."""
-        known = self.mean_px[self.count >= LEAST_PER_CELL]
-        return math.sqrt(float((known**2).sum(axis=1).mean())) if len(known) else math.nan
+        return rms_length(self.mean_px[self.count >= LEAST_PER_CELL])
 
     @property
     def rms_by_noise_px(self) -> float:

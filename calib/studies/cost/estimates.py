@@ -12,6 +12,7 @@ import numpy as np
 
 from calib.cameras import neutral, project, rays
 from calib.cameras.camera import Camera
+from calib.core.linear_algebra import rms_length
 from calib.core.parallel import one_thread
 from calib.core.se3 import exp_rotation, transform
 from calib.core.types import Observations, keep_sightings, keep_views, sightings_per_view
@@ -75,11 +76,7 @@ def held_out(camera: Camera, estimator: Estimator, held: Observations) -> Pair:
     ray = rays(camera, rest.center_px)
     off_px = project(camera, place) - rest.center_px
     off_mm = place - (ray * place).sum(axis=1, keepdims=True) * ray
-    return _root_mean_square(off_px), _root_mean_square(off_mm)
-
-
-def _root_mean_square(off: Array) -> float:
-    return float(np.sqrt((off**2).sum(axis=1).mean()))
+    return rms_length(off_px), rms_length(off_mm)
 
 
 def _poses(camera: Camera, estimator: Estimator, seen: Observations) -> Array:
@@ -97,7 +94,7 @@ def pose_error_mm(found: Array, true: Array) -> float:
     """Root mean square distance of the cameras from where they stood, of poses (V, 4, 4)."""
     if len(found) != len(true):
         raise InputError("not all photos have a pose")
-    return _root_mean_square(centers_mm(found) - centers_mm(true))
+    return rms_length(centers_mm(found) - centers_mm(true))
 
 
 Condition = Literal["as drawn", "as made", "outliers", "outliers, Huber"]

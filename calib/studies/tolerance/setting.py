@@ -14,7 +14,7 @@ from calib.solver.accuracy import accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.descend import is_robust
 from calib.solver.levenberg import minimise
-from calib.solver.problem import AS_THE_PAPER, Problem, SolveOptions, Tie, pack, tie_parameters
+from calib.solver.problem import AS_THE_PAPER, Problem, SolveOptions, Tie, origin_poses, pack, tie_parameters
 from calib.studies.tolerance.anchor import Anchor, factorise
 from calib.studies.tolerance.seen import (
     CONTRAST_TO_NOISE,
@@ -147,8 +147,7 @@ def _setting(
         raise InputError(f"model {model}: a tolerance study solves {', '.join(fitted_models())}")
     tie = tie_parameters(model, options)
     problem = pack(seen, weighted=options.weighted)
-    poses = np.array(cam_from_target)
-    poses[:, :3, 3] += poses[:, :3, :3] @ problem.origin_mm
+    poses = origin_poses(problem, cam_from_target)
     root = np.linalg.cholesky(covariance)
     variance = 0.5 * np.trace(covariance, axis1=1, axis2=2).mean()
     deviation = 1.0 if options.weighted else float(np.sqrt(variance))
