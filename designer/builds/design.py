@@ -243,7 +243,7 @@ def _3mf(design: Design) -> Made:
         if plate.is_raised:
             body, pattern = files_in_turn(plate, design.job.printing, pictures)
             yield f"{stem}body.prusa.3mf", body, "for PrusaSlicer without a pause: the plate alone, first"
-            yield f"{stem}pattern.prusa.3mf", pattern, "for PrusaSlicer without a pause: the rings, onto the plate"
+            yield f"{stem}pattern.prusa.3mf", pattern, "for PrusaSlicer without a pause: the marks, onto the plate"
 
 
 def _project(design: Design) -> Made:
@@ -280,11 +280,9 @@ def _stl(design: Design) -> Made:
     lift_mm = np.array([0.0, 0.0, motion[2, 3]])
     part = design.part.placed(lambda points: mapped(points, motion[:3, :3]) + lift_mm)
     if part.fused is not None:
-        yield "stl", stl_bytes(part.fused), "the whole, rings up, for any slicer: the filament changes below the rings"
+        yield "stl", stl_bytes(part.fused), "the whole, marks up, for any slicer: the filament changes below the marks"
     is_recessed = design.job.printing.way.ink == "recessed"
-    what = (
-        "the bare body, without rings" if part.ink is None else "the body, with grooves" if is_recessed else "the body"
-    )
+    what = "the bare body, without marks" if part.ink is None else f"the body{', with grooves' * is_recessed}"
     yield "body.stl", stl_bytes(part.body), what
     if part.ink is not None and not is_recessed:
         yield "pattern.stl", stl_bytes(part.ink), "the ink"
@@ -294,7 +292,8 @@ def _png(design: Design) -> Made:
     from designer.formats.png import preview_png
 
     job, target = design.job, design.target
-    caption = f"{job.name}: {target.ring_count} rings and dots, target id {target.geometry_id}"
+    features = "rings and dots" if target.marks is None else target.feature_word
+    caption = f"{job.name}: {target.ring_count} {features}, target id {target.geometry_id}"
     yield "png", preview_png(design.artwork, job.target, job.printing, caption), "a preview"
 
 
@@ -408,7 +407,7 @@ def _stand(design: Design) -> Made:
     from designer.make.stand import make_stand
 
     stand = make_stand(design.target, design.job.printing)
-    yield "stand.stl", stl_bytes(stand), "a stand that touches no ring"
+    yield "stand.stl", stl_bytes(stand), "a stand that touches no mark"
 
 
 def _jig(design: Design) -> Made:

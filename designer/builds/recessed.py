@@ -39,7 +39,7 @@ class Recessed(OnePiece):
             f"Fill the grooves with {ink} paint, or with resin coloured {ink} from a syringe, up to the rims: walls "
             "must be black. Less in two coats is better than too much in one.",
             "Wipe the face with a card wrapped in cloth before it dries; sand it flat when it is hard, on a plate.",
-            "What is left on white moves rings: scrape it off. A dull finish; gloss mirrors lamps.",
+            "What is left on white moves marks: scrape it off. A dull finish; gloss mirrors lamps.",
         ))  # fmt: skip
         return Section(
             "Making it",

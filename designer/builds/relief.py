@@ -31,9 +31,9 @@ class Relief(OnePiece):
     def remarks(self, design: Design) -> tuple[str, ...]:
         """Where the filament changes, and where the target's plane is."""
         z, layer = change_of(design)
-        height, what = design.job.printing.inlay_mm, "rings" if design.target.marks is None else "marks"
+        height = design.job.printing.inlay_mm
         return (
-            f"change of filament: before layer {layer}, whose top is at {z:g}mm; {what} stand {height:g}mm high and "
+            f"change of filament: before layer {layer}, whose top is at {z:g}mm; marks stand {height:g}mm high and "
             f"the target's plane is {height / 2:g}mm below their tops",
         )
 
@@ -50,14 +50,14 @@ class Relief(OnePiece):
             + f"; in any other {name}.stl.",
             "Set the values of the table above, and slice.",
             *(f"In {title}: {_SETTING_THE_CHANGE[title].format(z=z, layer=layer)}." for title in titles),
-            f"Preview by colour: all {layer - 1} layers below the change are one colour, those above are rings.",
+            f"Preview by colour: all {layer - 1} layers below the change are one colour, those above are marks.",
             f"Print. When the printer stops, change to {second}, push until no {first.split(' ')[0]} comes, pick the "
             "thread off, go on.",
         ))  # fmt: skip
         light = Steps((
             "Light it from where the cameras are, or from all around: a lamp from one side casts the shadow of each "
-            f"ring on the white beside it, up to {printing.inlay_mm:g} mm wide at 45 deg, and shifts all rings alike.",
-            "A caliper over the rings reads the full thickness; the plane of the target file is "
+            f"mark on the white beside it, up to {printing.inlay_mm:g} mm wide at 45 deg, and shifts all marks alike.",
+            "A caliper over the marks reads the full thickness; the plane of the target file is "
             f"{printing.inlay_mm / 2:g} mm below their tops, half-way up their walls, where cameras see them.",
         ))  # fmt: skip
         height_mm = design.plates[0].in_turn[2]
@@ -73,7 +73,7 @@ class Relief(OnePiece):
             f"In other programs: {name}.body.stl and {name}.pattern.stl, opened together as one object of two parts, "
             f"which keeps them in register; print one without the other, the second with Z offset {height_mm:g} mm.",
         ))  # fmt: skip
-        table = print_settings(design, printing.printer.machine.shells, "as in the file: rings up")
+        table = print_settings(design, printing.printer.machine.shells, "as in the file: marks up")
         return Section(
             "Making it",
             (

@@ -28,7 +28,7 @@ class Sheet(Maker):
         shop = Steps((
             f"Send {name}.pdf, or {name}.svg to shops that cut: to be printed at 100 %, not traced. Magenta lines are "
             "the cut, all else is ink.",
-            "Matt, no gloss laminate: mirrored lamps hide rings. Deep black on white.",
+            "Matt, no gloss laminate: mirrored lamps hide marks. Deep black on white.",
             "On a stiff flat plate, such as aluminium composite of 3 mm or more, or glass; printed straight on it "
             f"there is neither glue nor bubbles. {name}.body.stl is a bare plate to print, which warps.",
             f"Measure the scale bar when it comes: {SCALE_BAR_MM:g} mm, and along both directions of the board: "

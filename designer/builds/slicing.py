@@ -127,7 +127,7 @@ def _steps(design: Design, slicer: Slicer, opened: str, names: set[str]) -> Step
         *((*opening, *choosing) if has_settings else (*choosing, *opening)),
         f"Object list: {objects}; else set that on its parts.",
         tower if is_project else f"{values} {tower} {slicer.purge}".strip(),
-        f"Slice; preview by {slicer.preview}: every ring whole, no ink elsewhere.",
+        f"Slice; preview by {slicer.preview}: every mark whole, no ink elsewhere.",
     ))  # fmt: skip
 
 
