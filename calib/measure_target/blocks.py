@@ -12,10 +12,9 @@ from calib.measure_target.problem import CameraSightings, Joint, State, chains_o
 from calib.measure_target.unknowns import RingPlaces, moved_shape, place_rings, shared_values
 from calib.solver.eliminate import JointStep, Normal, damped_step
 from calib.solver.levenberg import (
-    FIRST_DAMPING,
     PERFECT_PX,
-    SMALL_DECREASE,
     Descent,
+    DescentSteps,
     levenberg_marquardt,
     move_poses,
     moved_camera,
@@ -246,18 +245,9 @@ def _add_priors(joint: Joint, state: State, ring: Array, ring_row: Array, other:
 TargetMinimum = Descent[State, Normal]
 
 
-def minimise(
-    joint: Joint,
-    state: State,
-    *,
-    max_iterations: int,
-    damping: float = FIRST_DAMPING,
-    small_decrease: float = SMALL_DECREASE,
-) -> TargetMinimum:
-    """Descend to the nearest minimum; arguments as those of `levenberg_marquardt`."""
-    return levenberg_marquardt(
-        _Printed(joint), state, max_iterations=max_iterations, small_decrease=small_decrease, damping=damping
-    )
+def minimise(joint: Joint, state: State, steps: DescentSteps) -> TargetMinimum:
+    """Descend to the nearest minimum."""
+    return levenberg_marquardt(_Printed(joint), state, steps)
 
 
 class _Printed:

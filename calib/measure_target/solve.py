@@ -26,6 +26,7 @@ from calib.measure_target.unknowns import AsBuiltOptions, nominal_shape, place_r
 from calib.observe.observations import known_points
 from calib.rigs.result import RigCalibration
 from calib.solver.calibration import Calibration, Status
+from calib.solver.levenberg import DescentSteps
 from calib.solver.outliers import deviations
 from calib.solver.problem import Tie, tie_parameters
 from calib.solver.solve import far_off, solve
@@ -196,7 +197,7 @@ def _descend(start: _Start, target: TargetGeometry, options: AsBuiltOptions) -> 
     joint = replace(without(joint, keeps), scale=1.0 if options.solve.weighted else 0.05)
     poses = tuple(one.cam_from_target for one in started)
     state = State(tuple(one.camera for one in started), poses, nominal_shape(target), start.held)
-    found = minimise(joint, state, max_iterations=options.solve.max_iterations, small_decrease=1e-4)
+    found = minimise(joint, state, DescentSteps(options.solve.max_iterations, small_decrease=1e-4))
     iterations = found.iterations
     for number in range(ROUNDS):
         keeps = _kept(joint, found, observations, options)
@@ -209,7 +210,7 @@ def _descend(start: _Start, target: TargetGeometry, options: AsBuiltOptions) -> 
         is_last = number > 0 and abs(scale / joint.scale - 1) < SAME_SCALE
         is_last = is_last and is_same_spread(spread, joint.unknowns, SAME_SPREAD)
         joint = joint if is_last else replace(joint, scale=scale, unknowns=spread)
-        found = minimise(joint, found.state, max_iterations=options.solve.max_iterations, damping=NEAR)
+        found = minimise(joint, found.state, DescentSteps(options.solve.max_iterations, damping=NEAR))
         iterations += found.iterations
         if is_last:
             break
@@ -272,7 +273,7 @@ def _accurate(
     if abs(scale / joint.scale - 1) < SAME_SCALE or scale <= PERFECT:
         return joint, found, accuracy
     joint = replace(joint, scale=scale)
-    found = minimise(joint, found.state, max_iterations=options.solve.max_iterations, damping=NEAR)
+    found = minimise(joint, found.state, DescentSteps(options.solve.max_iterations, damping=NEAR))
     return joint, found, _require(accuracy_of(joint, found.state.shape, seen, found.equations))
 
 

@@ -26,6 +26,7 @@ from calib.solver.blocks import KNEE
 from calib.solver.calibration import Status, plane_bend
 from calib.solver.costs import COSTS, IMAGE
 from calib.solver.in_space import camera_change, in_space
+from calib.solver.levenberg import DescentSteps
 from calib.solver.priors import contradictions
 from calib.solver.problem import Problem, target_covariance, target_poses
 from designer.base.arrays import Array
@@ -49,7 +50,7 @@ def rig_in_space(
     )
     spaced = replace(problem, seen=seen)
     spaced = replace(spaced, scale=scales_left(spaced, image.state))
-    found = descend_rig(spaced, image.state, max_iterations=options.max_iterations)
+    found = descend_rig(spaced, image.state, DescentSteps(options.max_iterations))
     as_it_is = replace(options, reject_sigma=None, allows_offsets=bool(problem.slack))
     found, _ = settled(spaced, found, observations, alone, as_it_is)
     _require_near(image.state, found.state, observations.camera_names, options.minimise)
@@ -148,14 +149,14 @@ def _down(start: RigStart) -> tuple[Found, RigProblem]:
     thin = thinned(problem)
     for places in (without_params(thin), thin):
         rough = replace(places, scale=np.maximum(problem.scale, scales_left(places, state)))
-        state = descend_rig(rough, state, max_iterations=steps, loss="cauchy", small_decrease=1e-4).state
+        state = descend_rig(rough, state, DescentSteps(steps, small_decrease=1e-4), loss="cauchy").state
         if options.estimates_delays:
             problem = replace(problem, motion=motion_of(state.rig_from_target, frame_times(observations)))
             thin = thinned(problem)
-    found = descend_rig(problem, state, max_iterations=steps, loss="cauchy", small_decrease=1e-6)
+    found = descend_rig(problem, state, DescentSteps(steps, small_decrease=1e-6), loss="cauchy")
     for _ in range(MOTION_ROUNDS if options.estimates_delays else 0):  # by poses of which all sightings tell
         problem = replace(problem, motion=motion_of(found.state.rig_from_target, frame_times(observations)))
-        found = descend_rig(problem, found.state, max_iterations=steps, loss="cauchy", small_decrease=1e-6)
+        found = descend_rig(problem, found.state, DescentSteps(steps, small_decrease=1e-6), loss="cauchy")
     return settled(problem, found, observations, start.alone, options)
 
 

@@ -21,11 +21,10 @@ from calib.rigs.problem import (
 from calib.solver.blocks import Blocks, RobustLoss, view_blocks
 from calib.solver.eliminate import Chain, JointStep, Normal, add_chained, damped_step, no_equations, through_camera
 from calib.solver.levenberg import (
-    FIRST_DAMPING,
     PERFECT_PX,
     SHORT,
-    SMALL_DECREASE,
     Descent,
+    DescentSteps,
     levenberg_marquardt,
     move_poses,
     moved_camera,
@@ -158,19 +157,10 @@ def chain_of(problem: RigProblem, state: RigState, camera: int, frames: Array) -
 
 
 def descend_rig(
-    problem: RigProblem,
-    state: RigState,
-    *,
-    max_iterations: int,
-    loss: Loss | None = None,
-    small_decrease: float = SMALL_DECREASE,
-    damping: float = FIRST_DAMPING,
+    problem: RigProblem, state: RigState, steps: DescentSteps, loss: Loss | None = None
 ) -> Descent[RigState, RigEquations]:
-    """Descend to the nearest minimum; arguments as those of `levenberg_marquardt`, `loss` if not the problem's."""
-    return levenberg_marquardt(
-        _Rig(problem, loss or problem.loss), state, max_iterations=max_iterations, small_decrease=small_decrease,
-        damping=damping,
-    )  # fmt: skip
+    """Descend to the nearest minimum, by another loss than the problem's if one is given."""
+    return levenberg_marquardt(_Rig(problem, loss or problem.loss), state, steps)
 
 
 @dataclass(frozen=True, eq=False)

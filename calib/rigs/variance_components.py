@@ -16,7 +16,7 @@ from calib.rigs.descend import descend_rig, rig_equations
 from calib.rigs.problem import OffsetPrior, RigOptions, RigProblem, RigState, seen_poses, with_scale
 from calib.rigs.start import Alone
 from calib.solver.blocks import RobustLoss, view_misfit
-from calib.solver.levenberg import SMALL_DECREASE
+from calib.solver.levenberg import SMALL_DECREASE, DescentSteps
 from calib.solver.outliers import deviations, robust_sigma, whitened
 from calib.solver.problem import Loss
 from designer.base.arrays import Array
@@ -61,13 +61,9 @@ def settled(
                 if further @ step > 0:  # backwards it is no rule
                     next_problem = _of_sizes(judged, sizes + np.clip(further, -FARTHEST_STEP, FARTHEST_STEP))
             before = sizes, step
-        there = descend_rig(
-            next_problem,
-            _with_offsets(next_problem, found.state),
-            max_iterations=options.max_iterations,
-            damping=NEAR,
-            small_decrease=SMALL_DECREASE if is_last else NEARLY_SMALL_DECREASE,
-        )
+        small = SMALL_DECREASE if is_last else NEARLY_SMALL_DECREASE
+        steps = DescentSteps(options.max_iterations, small_decrease=small, damping=NEAR)
+        there = descend_rig(next_problem, _with_offsets(next_problem, found.state), steps)
         taken += there.iterations
         if not np.isfinite(there.equations.normal.cost):
             found = replace(found, converged=False)

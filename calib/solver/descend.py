@@ -17,7 +17,7 @@ from calib.core.linear_algebra import symmetric_inverse
 from calib.core.types import LEAST_POINTS
 from calib.solver.accuracy import accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks, view_misfit
-from calib.solver.levenberg import FIRST_DAMPING, Minimum, minimise
+from calib.solver.levenberg import DescentSteps, Minimum, minimise
 from calib.solver.outliers import deviations, forgetful, robust_scale, robust_sigma, whitened
 from calib.solver.problem import Loss, Problem, SolveOptions, Tie, few_per_view, select
 from designer.base.arrays import Array, Flags, Rows
@@ -56,14 +56,7 @@ class ShownMinimum:
 
 
 def minimise_shown(
-    problem: Problem,
-    camera: Camera,
-    cam_from_target: Array,
-    tie: Rows,
-    loss: RobustLoss,
-    *,
-    max_iterations: int,
-    damping: float = FIRST_DAMPING,
+    problem: Problem, camera: Camera, cam_from_target: Array, tie: Rows, loss: RobustLoss, steps: DescentSteps
 ) -> ShownMinimum:
     """Descend to a minimum of the points that the model shows there; arguments as those of `minimise`."""
     is_beyond = np.zeros_like(problem.is_used)
@@ -71,7 +64,7 @@ def minimise_shown(
     iterations, rounds, in_a_row = 0, 0, 0
     while True:
         part = replace(problem, is_used=problem.is_used & ~is_beyond)
-        found = minimise(part, camera, cam_from_target, tie, loss, max_iterations=max_iterations, damping=damping)
+        found = minimise(part, camera, cam_from_target, tie, loss, steps)
         camera, cam_from_target, problem = found.camera, found.cam_from_target, problem.at(found.amount)
         iterations, rounds = iterations + found.iterations, rounds + 1
         in_a_row = 0 if found.converged else in_a_row + 1
@@ -134,7 +127,7 @@ def descend(
     if len(problem.is_used) > 2 * few * problem.view_count:
         thin = select(problem, np.arange(problem.view_count), few)
         loss = _first_loss(thin, camera, poses, options)
-        near = minimise(thin, camera, poses, tie.row, loss, max_iterations=steps, small_decrease=1e-6)
+        near = minimise(thin, camera, poses, tie.row, loss, DescentSteps(steps, small_decrease=1e-6))
         starts.insert(0, (near.camera, near.cam_from_target))
     return _described(problem, _best_of(problem, starts, tie, options), tie, options, cov_px2)
 
@@ -149,7 +142,7 @@ def descend_displaced(
         before, (camera, poses) = problem.prior, (found.minimum.camera, found.minimum.cam_from_target)
         loss = _first_loss(problem, camera, poses, options)
         steps = options.max_iterations
-        shown = minimise_shown(problem, camera, poses, tie.row, loss, max_iterations=steps, damping=NEAR)
+        shown = minimise_shown(problem, camera, poses, tie.row, loss, DescentSteps(steps, damping=NEAR))
         found = _described(problem, shown, tie, options, cov_px2)
         taken += found.minimum.iterations
         after = with_variance(problem, found, tie, options).prior
@@ -176,10 +169,8 @@ def shrunk(problem: Problem, found: Descended, tie: Tie, options: SolveOptions, 
     loss = RobustLoss()
     if options.loss != "squares":
         loss = RobustLoss(options.loss, robust_sigma(whitened(problem.whitener, minimum.blocks.residual_px)))
-    there = minimise(
-        problem.without_amounts, minimum.camera, minimum.cam_from_target, tie.row, loss,
-        max_iterations=options.max_iterations, damping=NEAR,
-    )  # fmt: skip
+    steps = DescentSteps(options.max_iterations, damping=NEAR)
+    there = minimise(problem.without_amounts, minimum.camera, minimum.cam_from_target, tie.row, loss, steps)
     blocks = view_blocks(problem, there.camera, there.cam_from_target, loss)
     there = replace(there, blocks=blocks, amount=problem.amount, iterations=minimum.iterations + there.iterations)
     return descended_at(problem, there, found.is_used, found.is_beyond, found.robust, cov_px2)
@@ -228,10 +219,8 @@ def descend_again(problem: Problem, found: Descended, tie: Tie, options: SolveOp
     """From a minimum to that of the same observations with other weights, close by."""
     minimum = found.minimum
     kept = replace(with_variance(problem.at(minimum.amount), found, tie, options), is_used=found.is_used)
-    there = minimise(
-        kept, minimum.camera, minimum.cam_from_target, tie.row, RobustLoss(), max_iterations=options.max_iterations,
-        damping=NEAR, small_decrease=CLOSE,
-    )  # fmt: skip
+    steps = DescentSteps(options.max_iterations, small_decrease=CLOSE, damping=NEAR)
+    there = minimise(kept, minimum.camera, minimum.cam_from_target, tie.row, RobustLoss(), steps)
     return replace(found, minimum=replace(there, iterations=minimum.iterations + there.iterations))
 
 
@@ -240,7 +229,7 @@ def _best_of(problem: Problem, starts: Sequence[tuple[Camera, Array]], tie: Tie,
     found = []
     for start in starts:
         loss = _first_loss(problem, *start, options)
-        shown = minimise_shown(problem, *start, tie.row, loss, max_iterations=options.max_iterations, damping=NEAR)
+        shown = minimise_shown(problem, *start, tie.row, loss, DescentSteps(options.max_iterations, damping=NEAR))
         if not shown.is_beyond.any():
             return shown  # else the lens, maybe fitted to a part, folds the image over where the rest lies
         found.append(shown)
@@ -278,7 +267,7 @@ def _forgiving(
     for kind in kinds:
         loss = RobustLoss(kind, robust_sigma(whitened(problem.whitener, found.blocks.residual_px)))
         found = minimise(
-            problem.at(found.amount), found.camera, found.cam_from_target, tie.row, loss, max_iterations=steps
+            problem.at(found.amount), found.camera, found.cam_from_target, tie.row, loss, DescentSteps(steps)
         )
         taken += found.iterations
     for _ in range(0 if options.reject_sigma is None else ROUNDS):
@@ -288,7 +277,7 @@ def _forgiving(
             return ShownMinimum(found, is_beyond), keeps
         loss = RobustLoss(options.loss, robust_sigma(whitened(problem.whitener, residual)))
         kept = replace(problem.at(found.amount), is_used=keeps)
-        shown = minimise_shown(kept, found.camera, found.cam_from_target, tie.row, loss, max_iterations=steps)
+        shown = minimise_shown(kept, found.camera, found.cam_from_target, tie.row, loss, DescentSteps(steps))
         found, is_beyond = shown.minimum, shown.is_beyond
         taken += found.iterations
         same, is_used = np.array_equal(keeps, is_used), keeps

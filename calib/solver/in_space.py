@@ -13,6 +13,7 @@ from calib.solver.blocks import RobustLoss, view_blocks, view_misfit
 from calib.solver.costs import COSTS, DISTANCES, IMAGE
 from calib.solver.descend import ROUNDS, Descended, ShownMinimum, descended_at, minimise_shown
 from calib.solver.distance import InSpace
+from calib.solver.levenberg import DescentSteps
 from calib.solver.outliers import robust_sigma, whitened
 from calib.solver.problem import Problem, SolveOptions, Tie
 from designer.base.arrays import Array, Rows
@@ -64,7 +65,7 @@ def minimise_in_space(problem: Problem, camera: Camera, poses: Array, tie: Tie, 
         if options.loss != "squares":
             off = view_misfit(problem, camera, poses, loss).residual_px
             loss = RobustLoss(options.loss, robust_sigma(whitened(problem.whitener, off)))
-        shown = minimise_shown(problem, camera, poses, tie.row, loss, max_iterations=options.max_iterations)
+        shown = minimise_shown(problem, camera, poses, tie.row, loss, DescentSteps(options.max_iterations))
         camera, poses = shown.minimum.camera, shown.minimum.cam_from_target
         taken += shown.minimum.iterations
     return replace(shown, minimum=replace(shown.minimum, iterations=taken))

@@ -77,31 +77,28 @@ class Descent(Generic[State, Equations]):
     converged: bool
 
 
-def levenberg_marquardt(
-    problem: Solvable[State, Equations, StepT],
-    state: State,
-    *,
-    max_iterations: int,
-    small_decrease: float = SMALL_DECREASE,
-    damping: float = FIRST_DAMPING,
-) -> Descent[State, Equations]:
-    """Descend to the nearest minimum of the cost.
+@dataclass(frozen=True)
+class DescentSteps:
+    """How a descent goes: `DescentSteps(300, damping=1e-10)`."""
 
-    Args:
-        problem: what is minimised.
-        state: where to start.
-        max_iterations: of trial steps.
-        small_decrease: ends the descent when a step promises less, as a part of the cost.
-        damping: to begin with; little where the start is near the minimum.
-    """
+    most: int  # trial steps
+    small_decrease: float = SMALL_DECREASE  # ends the descent when a step promises less, as a part of the cost
+    damping: float = FIRST_DAMPING  # to begin with; little where the start is near the minimum
+
+
+def levenberg_marquardt(
+    problem: Solvable[State, Equations, StepT], state: State, steps: DescentSteps
+) -> Descent[State, Equations]:
+    """Descend from a state to the nearest minimum of the cost."""
+    damping = steps.damping
     equations = problem.equations(state)
     cost, growth = problem.cost(equations), FIRST_GROWTH
     if not abs(cost) < float("inf"):
         problem.gives_up(equations)
         return Descent(state, equations, 0, converged=False)
-    for iteration in range(1, max_iterations + 1):
+    for iteration in range(1, steps.most + 1):
         step = problem.step(state, equations, damping)
-        if step is not None and step.predicted <= small_decrease * cost + problem.perfect:
+        if step is not None and step.predicted <= steps.small_decrease * cost + problem.perfect:
             return Descent(state, equations, iteration, converged=True)
         trial = None if step is None else problem.trial(state, equations, step)
         if step is not None and trial is not None:
@@ -120,7 +117,7 @@ def levenberg_marquardt(
         damping, growth = damping * growth, growth * 2
         if damping > LARGEST_DAMPING:
             return Descent(state, equations, iteration, converged=False)
-    return Descent(state, equations, max_iterations, converged=False)
+    return Descent(state, equations, steps.most, converged=False)
 
 
 def _shrinkage(gain: float, growth: float) -> float:
@@ -156,15 +153,7 @@ class Minimum:
 
 
 def minimise(
-    problem: Problem,
-    camera: Camera,
-    cam_from_target: Array,
-    tie: Rows,
-    loss: RobustLoss,
-    *,
-    max_iterations: int,
-    small_decrease: float = SMALL_DECREASE,
-    damping: float = FIRST_DAMPING,
+    problem: Problem, camera: Camera, cam_from_target: Array, tie: Rows, loss: RobustLoss, steps: DescentSteps
 ) -> Minimum:
     """Descend to the nearest minimum of the summed losses.
 
@@ -174,15 +163,10 @@ def minimise(
         cam_from_target: where to start (V, 4, 4).
         tie: the free parameter that each parameter follows (P,); -1: fixed.
         loss: of the whitened residuals.
-        max_iterations: of trial steps.
-        small_decrease: ends the descent when a step promises less, as a part of the cost.
-        damping: to begin with; little where the start is near the minimum.
+        steps: of the descent.
     """
     one = _OneCamera(problem, tie, loss)
-    found = levenberg_marquardt(
-        one, _CameraState(camera, cam_from_target, problem), max_iterations=max_iterations,
-        small_decrease=small_decrease, damping=damping,
-    )  # fmt: skip
+    found = levenberg_marquardt(one, _CameraState(camera, cam_from_target, problem), steps)
     state, in_the_way = found.state, None if found.converged else one.in_the_way
     return Minimum(
         state.camera, state.cam_from_target, found.equations, found.iterations, found.converged, in_the_way,

@@ -15,7 +15,7 @@ from calib.core.linear_algebra import symmetric_inverse
 from calib.core.se3 import compose, invert, make_pose, rotation_between
 from calib.core.types import LEAST_POINTS, Observations
 from calib.solver.blocks import KNEE, RobustLoss, view_misfit
-from calib.solver.levenberg import minimise, minimise_poses
+from calib.solver.levenberg import DescentSteps, minimise, minimise_poses
 from calib.solver.linear_pose import focal_of, linear_views, poses_of, principal_frames, weak_perspective_poses
 from calib.solver.outliers import MEDIAN_LENGTH, forgetful
 from calib.solver.problem import MANY, Problem, few_per_view, pack, select, target_covariance, target_poses
@@ -193,7 +193,7 @@ def _solve_few(few: Problem, camera: Camera, tie: Rows, *, is_robust: bool) -> l
         return []
     part = select(part, np.flatnonzero(seen), MANY)
     found = minimise(
-        part, camera, found.cam_from_target[seen], tie, loss, max_iterations=COARSE_STEPS, small_decrease=1e-4
+        part, camera, found.cam_from_target[seen], tie, loss, DescentSteps(COARSE_STEPS, small_decrease=1e-4)
     )
     if not np.isfinite(found.blocks.cost.sum()):
         return []

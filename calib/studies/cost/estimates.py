@@ -20,7 +20,7 @@ from calib.solver.blocks import RobustLoss
 from calib.solver.calibration import Calibration
 from calib.solver.costs import COSTS, IMAGE
 from calib.solver.in_space import in_space, minimise_in_space
-from calib.solver.levenberg import Minimum, minimise, minimise_poses
+from calib.solver.levenberg import DescentSteps, Minimum, minimise, minimise_poses
 from calib.solver.metrics.errors import centers_mm, is_known
 from calib.solver.problem import Loss, Problem, SolveOptions, Tie, origin_poses, pack, target_poses, tie_parameters
 from calib.solver.solve import solve
@@ -299,7 +299,7 @@ def bad_start(scene: ComparedScene, poses: Array, rng: np.random.Generator) -> t
 
 
 def _descent(problem: Problem, camera: Camera, poses: Array, tie: Tie) -> Minimum:
-    return minimise(problem, camera, poses, tie.row, RobustLoss(), max_iterations=MOST_STEPS)
+    return minimise(problem, camera, poses, tie.row, RobustLoss(), DescentSteps(MOST_STEPS))
 
 
 def _least(problem: Problem, camera: Camera, poses: Array, tie: Tie) -> float:

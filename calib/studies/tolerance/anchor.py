@@ -7,7 +7,7 @@ import numpy as np
 from calib.cameras import is_allowed
 from calib.cameras.camera import Camera
 from calib.solver.blocks import RobustLoss, view_blocks
-from calib.solver.levenberg import minimise, move_poses, turn_of_centre
+from calib.solver.levenberg import DescentSteps, minimise, move_poses, turn_of_centre
 from calib.solver.problem import Problem, Tie
 from calib.solver.schur import reduced_normal
 from calib.studies.gradients import CameraFit, gradients_of, reduced_gradient, step_length
@@ -230,7 +230,7 @@ def _in_deviations(anchor: Anchor, steps: Array) -> Array:
 def _descended(anchor: Anchor, problem: Problem, looks: int) -> CameraFit | None:
     """The minimum by Levenberg-Marquardt from the anchor; None if it is not found."""
     found = minimise(
-        problem, anchor.camera, anchor.cam_from_target, anchor.tie.row, RobustLoss(), max_iterations=MOST_STEPS
+        problem, anchor.camera, anchor.cam_from_target, anchor.tie.row, RobustLoss(), DescentSteps(MOST_STEPS)
     )
     cost = float(found.blocks.cost.sum())
     if not (found.converged and np.isfinite(cost)):

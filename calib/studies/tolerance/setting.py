@@ -13,7 +13,7 @@ from calib.core.types import Observations, frozen_array
 from calib.solver.accuracy import accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks
 from calib.solver.descend import is_robust
-from calib.solver.levenberg import minimise
+from calib.solver.levenberg import DescentSteps, minimise
 from calib.solver.problem import AS_THE_PAPER, Problem, SolveOptions, Tie, origin_poses, pack, tie_parameters
 from calib.studies.tolerance.anchor import Anchor, factorise
 from calib.studies.tolerance.seen import (
@@ -164,7 +164,7 @@ def _anchor(problem: Problem, camera: Camera, poses: Array, model: str, tie: Tie
     """The minimum without errors: the truth, if the solved model can hold it."""
     start = _in_model(camera, model, tie)
     if start is not camera:
-        found = minimise(problem, start, poses, tie.row, RobustLoss(), max_iterations=MOST_STEPS)
+        found = minimise(problem, start, poses, tie.row, RobustLoss(), DescentSteps(MOST_STEPS))
         start, poses = found.camera, found.cam_from_target
     products = view_blocks(problem, start, poses, RobustLoss()).products
     used, views = len(problem.is_used), problem.view_count

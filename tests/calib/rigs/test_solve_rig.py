@@ -30,7 +30,7 @@ from calib.rigs.rig_start import start_rig
 from calib.rigs.solve import solve_rig
 from calib.rigs.start import solve_alone
 from calib.solver.in_space import in_space
-from calib.solver.levenberg import move_poses
+from calib.solver.levenberg import DescentSteps, move_poses
 from calib.solver.problem import SolveOptions
 from calib.solver.solve import solve
 from calib.space.propagate import of_rows
@@ -296,7 +296,7 @@ def test_what_frames_leave_open_of_the_motion_is_in_the_sigmas_of_time_offsets()
     ]
     start = start_rig(observations, known, options)
     problem, motion = without_params(start.problem), start.problem.motion
-    found = descend_rig(problem, start.state, max_iterations=50)
+    found = descend_rig(problem, start.state, DescentSteps(50))
     inverse = shared_inverse(found.equations.normal)
     stated = np.diagonal(motion_covariance(problem, found, inverse.shared, inverse.coupling))
     ((rows, covariance),) = motion.speed_covariance()
@@ -307,7 +307,7 @@ def test_what_frames_leave_open_of_the_motion_is_in_the_sigmas_of_time_offsets()
             [rng.multivariate_normal(np.zeros(len(rows)), one) for one in covariance], axis=1
         )
         there = replace(problem, motion=replace(motion, derivative=other))
-        late.append(descend_rig(there, found.state, max_iterations=50).state.delay_s - found.state.delay_s)
+        late.append(descend_rig(there, found.state, DescentSteps(50)).state.delay_s - found.state.delay_s)
     for camera, one in enumerate(problem.seen[1:], start=1):
         scatter = 10 * np.sqrt(np.mean(np.square(late), axis=0)[camera])
         assert 0.5 < scatter / np.sqrt(stated[one.delay[0]]) < 1.6
