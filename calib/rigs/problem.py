@@ -25,7 +25,7 @@ from calib.core.se3 import exp_rotation, make_pose
 from calib.core.types import RigObservations, freeze
 from calib.rigs.motion import Motion
 from calib.solver.costs import IMAGE
-from calib.solver.free_bend import bend_modes_mm
+from calib.solver.free_bend import bend_modes_mm, bend_sigma_mm
 from calib.solver.levenberg import move_poses
 from calib.solver.priors import ParameterPrior
 from calib.solver.problem import Loss, Problem, pack
@@ -202,16 +202,7 @@ class RigState:
 
 
 def pack_rig(
-    observations: RigObservations,
-    ties: Sequence[Rows],
-    is_reference: Sequence[bool],
-    *,
-    weighted: bool,
-    loss: Loss,
-    scale: Array,
-    with_delays: bool,
-    carrier: Mechanism | None,
-    bend_sigma_mm: Array | None = None,
+    observations: RigObservations, ties: Sequence[Rows], is_reference: Sequence[bool], scale: Array, options: RigOptions
 ) -> RigProblem:
     """The problem of all cameras, each view of which has sightings.
 
@@ -219,13 +210,10 @@ def pack_rig(
         observations: what was seen.
         ties: of each camera, the free parameter that each parameter follows (P,); -1: fixed.
         is_reference: whether the rig's frame is a camera's.
-        weighted: by the covariances of the observations.
-        loss: of the whitened residuals.
         scale: see `RigProblem`.
-        with_delays: time offsets of all cameras but the first are unknowns.
-        carrier: what is known of the frames' poses.
-        bend_sigma_mm: what is believed of a flat target's bend (5,), if it is an unknown.
+        options: time offsets are of all cameras but the first.
     """
+    carrier, loss = options.carrier, options.loss
     seen, count = [], 0
     params, poses = [], []
     for tie, fixed in zip(ties, is_reference, strict=True):
@@ -235,10 +223,10 @@ def pack_rig(
         count += 0 if fixed else 6
     gaps = _gaps(observations)
     for number, one in enumerate(observations.sightings):
-        delays = with_delays and number > 0
+        delays = options.estimates_delays and number > 0
         seen.append(
             SeenByOne(
-                pack(one, weighted=weighted), observations.frame[number], params[number], poses[number],
+                pack(one, weighted=options.weighted), observations.frame[number], params[number], poses[number],
                 np.full(1, count if delays else -1), gaps[number],
             )
         )  # fmt: skip
@@ -248,7 +236,7 @@ def pack_rig(
         sigma = np.array([carrier.sigma_rad or np.nan, carrier.sigma_mm or np.nan])
         prior = MechanismPrior(carrier, np.arange(6) + count, sigma)
         count += 6
-    heights = np.zeros(0) if bend_sigma_mm is None else bend_sigma_mm
+    heights = bend_sigma_mm(observations.points, options.bend_sigma_mm) if options.free_bend else np.zeros(0)
     sigma = np.concatenate([[0.0 if carrier is None else carrier.size_sigma], heights])
     if not sigma.any():
         return RigProblem(tuple(seen), observations.frame_count, count, loss, scale, prior=prior)

@@ -21,7 +21,6 @@ from calib.rigs.motion import motion_of
 from calib.rigs.problem import Mechanism, RigOptions, RigProblem, RigState, frame_times, pack_rig
 from calib.rigs.start import Alone, frame_candidates, joined, relative_poses, synchronised
 from calib.rigs.variance_components import LEAST_SCALE, LEAST_SIGMA
-from calib.solver.free_bend import bend_sigma_mm
 from calib.solver.problem import few_per_view, select
 from designer.base.arrays import Flags
 from designer.base.errors import InputError
@@ -145,12 +144,8 @@ def start_rig(observations: RigObservations, alone: Sequence[Alone], options: Ri
     observations, alone, options, remarks = _placed(observations, alone, options)
     scale = np.array([max(one.scale, LEAST_SCALE) if np.isfinite(one.scale) else 1.0 for one in alone])
     carrier = options.carrier
-    problem = pack_rig(
-        observations, [one.tie.row for one in alone],
-        [carrier is None and number == reference for number in range(len(alone))], weighted=options.weighted,
-        loss=options.loss, scale=scale, with_delays=options.estimates_delays, carrier=carrier,
-        bend_sigma_mm=bend_sigma_mm(observations.points, options.bend_sigma_mm) if options.free_bend else None,
-    )  # fmt: skip
+    is_reference = [carrier is None and number == reference for number in range(len(alone))]
+    problem = pack_rig(observations, [one.tie.row for one in alone], is_reference, scale, options)
     problem = replace(problem, known=tuple(one.priors for one in alone))
     frames, _ = frame_candidates(thinned(problem), observations, alone, cam_from_rig, problem.seen[0].problem.origin_mm)
     state = RigState(

@@ -82,11 +82,11 @@ def test_gradients_are_those_of_the_cost(kind: str) -> None:
         scene.observations, time_s=tuple(0.1 * rows + 0.01 * c for c, rows in enumerate(scene.observations.frame))
     )
     ties = [np.arange(len(camera.params)) for camera in scene.cameras]
-    problem = pack_rig(
-        observations, ties, [not carried, False], weighted=True, loss="squares", scale=np.ones(2),
-        with_delays=kind == "delays", carrier=carrier if carried else None,
-        bend_sigma_mm=np.full(5, 0.1) if is_bent else None,
+    options = RigOptions(
+        estimates_delays=kind == "delays", carrier=carrier if carried else None, free_bend=is_bent,
+        bend_sigma_mm=(0.1,) * 5,
     )  # fmt: skip
+    problem = pack_rig(observations, ties, [not carried, False], np.ones(2), options)
     if kind.startswith("in the planes"):
         spaced = [
             replace(one, problem=in_space(one.problem, "intersection", own.points, own.point))
