@@ -170,13 +170,8 @@ def _proposed(found: "BoardInPhoto", board: BoardOptions) -> ProposedBoard:
         elif isinstance(value, bool):
             words += [(flags[one.name] if value else f"--no-{flags[one.name][2:]}")] if value != one.default else []
         elif one.default is MISSING or value != one.default:
-            text = (
-                f"{value[0]}x{value[1]}"
-                if isinstance(value, tuple)
-                else value
-                if isinstance(value, str)
-                else f"{value:g}"
-            )
+            is_tuple, form = isinstance(value, tuple), "" if isinstance(value, str) else "g"
+            text = "x".join(map(str, value)) if is_tuple else format(value, form)
             words += [flags[one.name], f"{text}mm" if one.name.endswith("_mm") else text]
     told = tuple(flags[name] if name != "spacing" else f"{flags['gap_mm']} or {flags['spacing']}" for name in missing)
     return ProposedBoard(" ".join([*words, "-o", "board.target.json"]), found.seen, found.sure, found.unsure, told)

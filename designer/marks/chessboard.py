@@ -72,11 +72,6 @@ class Chessboard(Checkered):
         return f"chessboard of {columns} x {rows} squares of {self.square_mm:g} mm ({inner})"
 
     @property
-    def order(self) -> str:
-        """As OpenCV's."""
-        return "row by row from the upper left"
-
-    @property
     def remedy(self) -> str:
         """See `FaceMarks.remedy`."""
         return "one whose columns and rows sum to an odd number, such as 9 x 6 squares"

@@ -69,11 +69,8 @@ class Circles(FaceMarks):
     @property
     def kalibr_fields(self) -> Mapping[str, str | int | float | bool]:
         """In metres; of an asymmetric grid the distance of rows."""
-        columns, rows = self.circles
-        spacing, counts = (
-            round(self.pitch_mm / (2000 if self.asymmetric else 1000), 12),
-            {"targetCols": columns, "targetRows": rows},
-        )
+        counts = {"targetCols": self.circles[0], "targetRows": self.circles[1]}
+        spacing = round(self.pitch_mm / (2000 if self.asymmetric else 1000), 12)
         return {"target_type": "circlegrid", **counts, "spacingMeters": spacing, "asymmetricGrid": self.asymmetric}
 
     @property
@@ -82,11 +79,6 @@ class Circles(FaceMarks):
         if self.asymmetric:
             return 2 - self.circles[1] % 2
         return 4 if self.circles[0] == self.circles[1] else 2
-
-    @property
-    def order(self) -> str:
-        """As OpenCV's."""
-        return "row by row from the upper left"
 
     @property
     def remedy(self) -> str:

@@ -67,9 +67,9 @@ class FaceMarks(ABC):
         """Such as `chessboard of 9 x 6 squares of 25 mm`."""
 
     @property
-    @abstractmethod
     def order(self) -> str:
-        """How points and markers are numbered, such as `row by row from the upper left`."""
+        """How points and markers are numbered: as OpenCV's."""
+        return "row by row from the upper left"
 
     @property
     def remedy(self) -> str:

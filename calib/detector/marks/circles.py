@@ -48,8 +48,8 @@ TOUCHING, FARTHEST, ALIKE = 2.0, 20.0, 2.0
 OTHER_WIDTH, WIDEST = 1.15, 0.95
 """Circles that much wider or narrower than told, which exposure may make a little; of the way to the next one."""
 AMBIGUOUS = "ambiguous orientation (these circles look the same turned): the most upright one is taken"
-
-
+KEY = np.array([1 << 13, 1])
+"""Of column and row, more than grids reach."""
 SQUARE = lattice_from(np.diag([1.0, -1.0]), 1.0)
 """Of neighbours, columns to the right and rows down; of asymmetric grids these lie aslant."""
 
@@ -182,7 +182,7 @@ def fits_of(grid: Grid, plan: CirclePlan, turns: Rows) -> tuple[GridFit, ...]:
 
 def named(candidates: Candidates, grid: Grid, plan: CirclePlan) -> tuple[Naming | None, tuple[str, ...]]:
     """Which circles of a board the members of a grid are, or why that is not told."""
-    fits, count = fits_of(grid, plan, SQUARE.turns), len(plan.marks.index)
+    fits = fits_of(grid, plan, SQUARE.turns)
     best, alike = fits[0], plan.marks.alike
     # An odd number of rows looks in a mirror as if turned by half a turn.
     if plan.marks.asymmetric and fits_of(grid, plan, SQUARE.mirrors)[0].hits >= best.hits + CLEAR:
@@ -191,20 +191,15 @@ def named(candidates: Candidates, grid: Grid, plan: CirclePlan) -> tuple[Naming 
     is_clear = len(grid.row) - best.hits <= STRANGE and rest <= best.hits - CLEAR
     if not is_clear or not _is_bounded(best.index, plan.table):
         return None, _size_words(grid, plan)
-    row = np.full(plan.table.shape, -1)
-    row[plan.marks.index[:, 0], plan.marks.index[:, 1]] = np.arange(count)
-    options = [_naming(grid, fit, row) for fit in fits[:alike]]
+    options = [_naming(grid, fit, plan) for fit in fits[:alike]]
     upright = max(options, key=lambda one: _uprightness(candidates, one, plan.marks))
     return upright, (AMBIGUOUS,) if alike > 1 else ()
 
 
-def _naming(grid: Grid, fit: GridFit, row: Rows) -> Naming:
-    inside = np.asarray(((fit.index >= 0) & (fit.index < row.shape)).all(axis=1))
-    ring = np.full(len(inside), -1)
-    ring[inside] = row[tuple(fit.index[inside].T)]
-    order = np.argsort(ring, kind="stable")
-    order = order[ring[order] >= 0]
-    return Naming(grid.row[order], ring[order])
+def _naming(grid: Grid, fit: GridFit, plan: CirclePlan) -> Naming:
+    _, member, ring = np.intersect1d(fit.index @ KEY, plan.marks.index @ KEY, return_indices=True)
+    order = np.argsort(ring)
+    return Naming(grid.row[member[order]], ring[order])
 
 
 def _is_bounded(index: Rows, table: Array) -> bool:
@@ -215,13 +210,8 @@ def _is_bounded(index: Rows, table: Array) -> bool:
     seen *= table
     # Columns of an asymmetric grid count half steps: its sides have two of them.
     wide = 1 if table.all() else 2
-    sides = [
-        (slice(wide), slice(None)),
-        (slice(-wide, None), slice(None)),
-        (slice(None), slice(1)),
-        (slice(None), slice(-1, None)),
-    ]
-    return all(seen[side].sum() >= SHOWN * table[side].sum() for side in sides)
+    had, shown = ([at[:wide].sum(), at[-wide:].sum(), at[:, 0].sum(), at[:, -1].sum()] for at in (table, seen))
+    return all(np.array(shown) >= SHOWN * np.array(had))
 
 
 def _uprightness(candidates: Candidates, naming: Naming, marks: Circles) -> float:
@@ -331,9 +321,8 @@ def _find(pixels: NDArray[np.generic], marks: Circles, face: int) -> list[FoundF
             elif not remarks:
                 remarks = words
         if len(whole) > 1:
-            return [
-                _nothing(face, f"two grids of {marks.circles[0]} x {marks.circles[1]} circles are in view: cover one")
-            ]
+            size = f"{marks.circles[0]} x {marks.circles[1]}"
+            return [_nothing(face, f"two grids of {size} circles are in view: cover one")]
         if whole and (best is None or len(whole[0][2].ring) > len(best[2].ring)):
             best = whole[0]
         if best is not None and len(best[2].ring) == len(marks.index):
