@@ -59,6 +59,7 @@ class Inputs:
     detections: str = "detections.csv"
     target: str = "NAME.target.json"  # "": they hold their own points
     points: str = ""  # what these are, if that was said
+    looks_alike: bool = False  # the target does, turned
 
     @property
     def solve(self) -> str:
@@ -69,14 +70,19 @@ class Inputs:
 
     @property
     def measure(self) -> str:
-        """The commands that measure the target and solve with the measured one."""
+        """How the target is measured, with the commands."""
+        if self.looks_alike:
+            return (
+                "lay the board flat, or take one that tells which way up it is, such as a ChArUco board: this one "
+                "looks the same turned, so that `calib measure` cannot tell its points apart"
+            )
         target, detections = self.target or "NAME.target.json", shlex.quote(self.detections)
         made = "" if self.target else f"`calib target --from POINTS.csv -o {target}` with a table of its points, then "
         measured = shlex.quote(f"measured/{Path(target).name}")
         photos = " --photos FOLDER" if self.detections.endswith("detections.csv") else ""  # else of no photos we know
         return (
-            f"{made}`calib measure {shlex.quote(target)} {detections}{photos} -o {measured}`, "
-            f"then `calib solve {detections} --target {measured} -o again`"
+            f"measure the target, and solve with the measured one: {made}`calib measure {shlex.quote(target)} "
+            f"{detections}{photos} -o {measured}`, then `calib solve {detections} --target {measured} -o again`"
         )
 
 
@@ -115,6 +121,7 @@ def advice_of(
             return LEAVE_PRIOR_OUT, f"if that does not do: {evidence.reading}"
         return (evidence.reading,)
     facts = view_facts(calibration)
+    inputs = replace(inputs, looks_alike=calibration.observations.points.turned is not None)
     # What the solver says of photos that do not determine the camera; for a map that was learned it has no word.
     undetermined = "" if evidence.uncertainty.is_map_exact else next(iter(calibration.remarks), "")
     undetermined = undetermined or "take more photos, from different sides: these do not determine the camera"
@@ -194,7 +201,7 @@ def _alike(evidence: LensEvidence) -> str:
 def _target(calibration: Calibration, evidence: LensEvidence, criteria: Criteria, inputs: Inputs) -> _Step:
     """A target that is not as its file says: its rings are off in all photos, or another shape explains them better."""
     on_target, shape, halves = evidence.target_px, evidence.shape, evidence.halves
-    measure = f"measure the target, and solve with the measured one: {inputs.measure}"
+    measure = inputs.measure
     is_learned = calibration.camera.learned is not None
     is_tried = calibration.target_bend is not None or NOT_TOLD in calibration.remarks
     if not is_tried and not is_learned and is_flat(calibration.observations.points):
@@ -233,7 +240,7 @@ def _target_share(evidence: LensEvidence, criteria: Criteria, inputs: Inputs) ->
     if sigma_px is None or on_target <= NOTICEABLE * sigma_px:
         return ""
     return (
-        f"measure the target: {inputs.measure}; of the residuals of {px(evidence.rms_px)}, {px(on_target)} are the "
+        f"{inputs.measure}; of the residuals of {px(evidence.rms_px)}, {px(on_target)} are the "
         "same for a point of the target in all photos"
     )
 
@@ -388,9 +395,7 @@ def _shape(calibration: Calibration, evidence: LensEvidence, criteria: Criteria,
     mends = ("uncertainty", "target")
     if photos := " and ".join(_missing(calibration)):
         return _step(f"{photos}: the photos so far do not tell the target's shape, and {reason}", *mends)
-    return _step(
-        f"measure the target, and solve with the measured one: {inputs.measure}; {reason}", *mends, measures=True
-    )
+    return _step(f"{inputs.measure}; {reason}", *mends, measures=True)
 
 
 def _missing(calibration: Calibration) -> tuple[str, ...]:

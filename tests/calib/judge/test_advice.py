@@ -194,7 +194,10 @@ def test_what_was_left_out_of_photos_that_a_motion_blurred_is_not_blamed_on_glar
 
 
 def test_a_bent_board_is_to_be_measured_before_anything_else() -> None:
-    """A board bent by 1 mm over 150 mm makes `calib measure` the first advice; halves that differ do so, too."""
+    """A board bent by 1 mm over 150 mm makes `calib measure` the first advice; halves that differ do so, too.
+
+    Of one that looks the same turned, which is not measured, it is another board.
+    """
     bent = replace(BOARD, position_mm=BOARD.position_mm + np.array([0, 0, 1e-4]) * BOARD.position_mm[:, :1] ** 2)
     poses = shown_at(ALL_OVER, (330.0, 400.0, 500.0), (35.0, 10.0, 45.0, 25.0))
     seen = observe(CAMERAS["opencv"], bent, poses, np.random.default_rng(3), noise_px=NOISE_PX)
@@ -203,6 +206,10 @@ def test_a_bent_board_is_to_be_measured_before_anything_else() -> None:
     assert "--free-bend" in said[0]
     assert "--free-bend" not in advice(replace(flat, remarks=(NOT_TOLD,)))[0]
     assert "`calib measure NAME.target.json detections.csv --photos FOLDER -o measured/NAME.target.json`" in said[0]
+    alike = replace(BOARD, turned=np.stack([np.arange(120), np.arange(120)[::-1]]))
+    said = advice(replace(flat, observations=replace(flat.observations, points=alike)))
+    assert "looks the same turned" in said[0]
+    assert "`calib measure NAME" not in said[0]
     found = replace(evidence(good()), halves=halves_apart_by(4.2, 0.1, 0.02, 0.2))
     said = advice_of(good(), found, criteria())
     assert "4.2 times" in said[0]
