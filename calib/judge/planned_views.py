@@ -32,7 +32,7 @@ from calib.judge.information import LENS_UNSURE, knowledge_of
 from calib.judge.next_view_words import ViewGain
 from calib.judge.next_views import MAX_PX, NextView, proposed_view
 from calib.judge.view_search import CandidatePhoto, SoFar, ViewGoal, view_search
-from calib.judge.views import READABLE_PITCH_PX, Habits, TargetShape, shape_of
+from calib.judge.views import READABLE_PITCH_PX, Habits, TargetShape
 from calib.solver.calibration import Calibration
 from calib.solver.plan import SolvePlan
 from calib.solver.problem import SolveOptions
@@ -62,29 +62,36 @@ class PlannedViews:
     is_accurate: bool  # the image is known as well as wanted
 
 
-def planned_views(
-    before: Calibration, held: Habits, *, goal_px: float, goal_covered: float, most: int = MOST, at: Array | None = None
-) -> PlannedViews | None:
+@dataclass(frozen=True, eq=False)
+class PlanWish:
+    """What is asked for."""
+
+    before: Calibration  # of `calib.judge.planned_views.calibration_before`
+    shape: TargetShape
+    held: Habits
+    goal_px: float  # what 95 % of the image is to stay within, 1 sigma
+    goal_covered: float  # of the image, 0 to 1
+    most: int = MOST  # photos
+    made: Made | None = None  # how the target was; None: nobody knows
+    at: Array | None = None  # (C, 4, 4) the only poses that the target can have; None: any
+    is_held_exactly: bool = False  # by a robot or a turntable
+
+
+def planned_views(wish: PlanWish, goal_px: float) -> PlannedViews | None:
     """The fewest photos that reach both goals, or the best `most` of them; None if the target cannot be held so.
 
-    Args:
-        before: of `calib.judge.planned_views.calibration_before`.
-        held: how the target may be held.
-        goal_px: 95 % of the image is to be known so well (1 sigma), by the noise of the photos.
-        goal_covered: so much of the image is to be surrounded by observations, 0 to 1.
-        most: photos at most.
-        at: the only poses that the target can have (C, 4, 4); None: any.
+    Goals are those of the wish, but 95 % of the image is to be known so well (1 sigma) by the noise alone.
     """
-    shape = shape_of(before)
-    if shape is None:
-        return None
-    candidates = candidates_of(before, shape, held, (1.0, 1.0)) if at is None else candidates_at(shape, at)
+    before, shape, held, goal_covered = wish.before, wish.shape, wish.held, wish.goal_covered
+    candidates = candidates_of(before, shape, held, (1.0, 1.0)) if wish.at is None else candidates_at(shape, wish.at)
     search = view_search(before, shape, held, candidates, knowledge_of(before))
     if search is None:
         return None
-    goal = ViewGoal(goal_px, goal_covered, math.inf, LITTLE_AREA, most, FEWEST)
+    goal = ViewGoal(goal_px, goal_covered, math.inf, LITTLE_AREA, wish.most, FEWEST)
     start = search.start()
-    photos = tuple(step.choice for step in one_by_one(start, partial(search.choose, goal=goal), SoFar.with_photo, most))
+    photos = tuple(
+        step.choice for step in one_by_one(start, partial(search.choose, goal=goal), SoFar.with_photo, wish.most)
+    )
 
     @cache
     def after(some: tuple[CandidatePhoto, ...]) -> SoFar:
@@ -217,21 +224,6 @@ class TriedPlan:
 NOT_DETERMINED = TriedPlan(math.inf, math.inf, 0.0)
 
 
-@dataclass(frozen=True, eq=False)
-class PlanWish:
-    """What is asked for."""
-
-    before: Calibration  # of `calib.judge.planned_views.calibration_before`
-    shape: TargetShape
-    held: Habits
-    goal_px: float  # what 95 % of the image is to stay within, 1 sigma
-    goal_covered: float  # of the image, 0 to 1
-    most: int  # photos
-    made: Made | None  # how the target was; None: nobody knows
-    at: Array | None = None  # (C, 4, 4) the only poses that the target can have; None: any
-    is_held_exactly: bool = False  # by a robot or a turntable
-
-
 def tried_plan(wish: PlanWish, cam_from_target: Array, rng: np.random.Generator) -> TriedPlan:
     """Take the photos of a plan (V, 4, 4) once, with noise and as they are held, and solve the camera from them."""
     poses = cam_from_target if wish.is_held_exactly else held_by_hand(cam_from_target, wish.shape, rng)
@@ -294,9 +286,7 @@ def plan_that_holds(wish: PlanWish) -> tuple[PlannedViews, tuple[TriedPlan, ...]
     """
     goal_px, passed_px, failed_px = wish.goal_px, 0.0, 0.0
     for _ in range(ROUNDS):
-        found = planned_views(
-            wish.before, wish.held, goal_px=goal_px, goal_covered=wish.goal_covered, most=wish.most, at=wish.at
-        )
+        found = planned_views(wish, goal_px)
         if found is None or not found.views:
             return None
         poses = np.stack([one.cam_from_target for one in found.views])

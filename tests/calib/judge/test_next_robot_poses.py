@@ -231,7 +231,7 @@ def _plan(points: KnownPoints, goal_px: float) -> PlannedViews:
     before = calibration_before(CAMERA, points, NOISE_PX)
     shape = shape_of(before)
     assert shape is not None
-    plan = planned_views(before, usual_hold(before, shape), goal_px=goal_px, goal_covered=0.7)
+    plan = planned_views(PlanWish(before, shape, usual_hold(before, shape), goal_px, 0.7), goal_px)
     assert plan is not None
     return plan
 
@@ -267,7 +267,8 @@ def test_a_goal_out_of_reach_is_told() -> None:
     before = calibration_before(CAMERA, board(), NOISE_PX)
     shape = shape_of(before)
     assert shape is not None
-    plan = planned_views(before, usual_hold(before, shape), goal_px=1e-4, goal_covered=0.7, most=7)
+    plan = planned_views(PlanWish(before, shape, usual_hold(before, shape), 1e-4, 0.7, 7), 1e-4)
+    assert plan is not None
     assert not plan.is_accurate
     assert len(plan.views) == 7
 
