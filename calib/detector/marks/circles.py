@@ -45,6 +45,8 @@ SAMPLES, MOST_PAIRS, MOST_STEPS, SAME = 300, 500_000, 3, 0.12
 """Circles that tell steps, their pairs with others, steps that are tried, and logarithms of steps that are one."""
 TOUCHING, FARTHEST, ALIKE = 2.0, 20.0, 2.0
 """Radii from circle to circle, and their areas' ratio."""
+COARSER = 1.3
+"""Steps that much longer are others: of every second circle they are 1.41 times as long."""
 OTHER_WIDTH, WIDEST = 1.15, 0.95
 """Circles that much wider or narrower than told, which exposure may make a little; of the way to the next one."""
 AMBIGUOUS = "ambiguous orientation (these circles look the same turned): the most upright one is taken"
@@ -80,7 +82,10 @@ def plan_of(marks: Circles) -> CirclePlan:
 
 
 def grids_in(pixels: NDArray[np.generic]) -> Iterator[tuple[Candidates, tuple[Grid, ...]]]:
-    """All dark circles on square lattices, by one threshold after the other, for each step that many circles have."""
+    """All dark circles on square lattices whose steps many of them have, by one threshold after the other.
+
+    Circles that are every second one of others on a lattice, such as those of one colour of a chessboard, are no grid.
+    """
     if min(pixels.shape) < LEAST_SIDE_PX:
         return
     factor = reduction((pixels.shape[0], pixels.shape[1]))
@@ -91,10 +96,15 @@ def grids_in(pixels: NDArray[np.generic]) -> Iterator[tuple[Candidates, tuple[Gr
         # All may begin a grid, and a gap may be in any of them.
         more = replace(more, ratio=np.full(more.count, ANY_RATIO), region=np.zeros(more.count, np.int64))
         candidates = more if candidates is None else merged(candidates, more)
-        for step in _usual_steps(candidates):
+        nearest, found = np.full(candidates.count, np.inf), list[Grid]()
+        for step in sorted(_usual_steps(candidates)):
             lattice = replace(SQUARE, move_in_radii=step * SQUARE.move_in_radii)
             grids = grow_grids(candidates, lattice, across_gaps=True, smallest=SMALLEST, is_scaled=True)
-            yield candidates, tuple(grid for grid in grids if _is_on_ground(grey, factor, candidates, grid))
+            grids = tuple(grid for grid in grids if _is_on_ground(grey, factor, candidates, grid))
+            found += [grid for grid in grids if np.mean(nearest[grid.row] < step / COARSER) < 0.5]
+            for grid in grids:
+                nearest[grid.row] = np.minimum(nearest[grid.row], step)
+        yield candidates, tuple(sorted(found, key=lambda grid: -len(grid.row)))
 
 
 def _usual_steps(candidates: Candidates) -> Iterator[float]:
@@ -208,10 +218,13 @@ def _is_bounded(index: Rows, table: Array) -> bool:
     seen = np.zeros(table.shape)
     seen[tuple(index[inside].T)] = 1
     seen *= table
-    # Columns of an asymmetric grid count half steps: its sides have two of them.
+    # Columns of an asymmetric grid count half steps: its sides have two of them, of each of which half as much will do.
     wide = 1 if table.all() else 2
-    had, shown = ([at[:wide].sum(), at[-wide:].sum(), at[:, 0].sum(), at[:, -1].sum()] for at in (table, seen))
-    return all(np.array(shown) >= SHOWN * np.array(had))
+    had, shown = (
+        np.array([at[:1].sum(), at[-1:].sum(), at[:wide].sum(), at[-wide:].sum(), at[:, 0].sum(), at[:, -1].sum()])
+        for at in (table, seen)
+    )
+    return bool((shown >= SHOWN / np.array([wide, wide, 1, 1, 1, 1]) * had).all())
 
 
 def _uprightness(candidates: Candidates, naming: Naming, marks: Circles) -> float:

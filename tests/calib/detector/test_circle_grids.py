@@ -109,12 +109,25 @@ def test_another_diameter_is_measured_and_said(told_mm: float) -> None:
     assert float(found.remarks[1].split()[2]) == pytest.approx(SYMMETRIC.diameter_mm, rel=0.05)
 
 
+def drawn(marks: Circles, *discs: tuple[int, int]) -> NDArray[np.uint8]:
+    """Discs of a radius and a grey level, one on the other, at each place of a grid, without its lengths."""
+    flat = np.full((480, 640), 230, np.uint8)
+    for column, row in marks.index.tolist():
+        for radius, level in discs:
+            step = 40 if marks.asymmetric else 80
+            cv2.circle(flat, (80 + step * column, 80 + step * row), radius, level, -1, cv2.LINE_AA)
+    return flat
+
+
+def test_a_grid_is_not_taken_for_one_with_a_row_more() -> None:
+    """Turned, 4 x 9 circles are 5 x 8 but for four at one end: another board, which is told."""
+    smaller = Circles((4, 9), 40.0, 12.0, asymmetric=True)
+    assert "grid of 4 x 9" in told(drawn(smaller, (15, 20)), replace(smaller, circles=(5, 8)))
+
+
 def test_rings_are_no_circles() -> None:
     """Neither a grid of them is named, nor their light centres."""
-    flat = np.full((480, 640), 230, np.uint8)
-    for column, row in SYMMETRIC.index.tolist():
-        for radius, level in ((30, 20), (14, 230)):
-            cv2.circle(flat, (80 + 80 * column, 80 + 80 * row), radius, level, -1, cv2.LINE_AA)
+    flat = drawn(SYMMETRIC, (30, 20), (14, 230))
     for marks in (SYMMETRIC, replace(SYMMETRIC, light=True)):
         assert told(flat, marks) == ""
 
