@@ -24,7 +24,6 @@ from designer.make.bed import Plate
 from designer.make.board_tiles import KEY_END_MM, KEY_REACH_MM, KEY_WAIST_MM, BoardInPieces, Seam
 from designer.make.estimate import grams
 from designer.make.mesh import mesh_of, wall_strip
-from designer.make.mounts import Mount
 from designer.page.blocks import Block, Cell, Column, Figure, Fold, Section, Steps, Svg, Table, View3d, text_table
 from designer.page.pictures import drawing_of_svg
 from designer.page.scene import Labels, Layer, Scene, Surface
@@ -208,18 +207,14 @@ def _steps(design: Design, assembly: Assembly) -> Steps:
     if "lid" in split and upper is not None:
         steps.append(f"Put the lid in before tile {upper.seats[0]}, which holds it.")
     if assembly.mounted is not None:
-        steps.insert(0, _mounting(assembly.mounted.mount, has_socket="socket" in split))
+        socket = "Glue the socket into the bowl from inside, slopes against slopes, its pit outwards. "
+        mount = assembly.mounted.mount
+        steps.insert(
+            0,
+            f"{socket * ('socket' in split)}The post ({mount.title}) takes {mount.needs}: {mount.source}. {mount.how} "
+            "Glue the post into the pit.",
+        )
     return Steps((*steps, "Let the glue harden for a day before you measure: it shrinks."))
-
-
-def _mounting(mount: Mount, *, has_socket: bool) -> str:
-    """How the post gets into the core, before tiles close the view of it."""
-    socket = (
-        "Glue the socket into the bowl from inside, slopes against slopes, its pit outwards. " if has_socket else ""
-    )
-    return (
-        f"{socket}The post ({mount.title}) takes {mount.needs}: {mount.source}. {mount.how} Glue the post into the pit."
-    )
 
 
 _PIECE, _LINE, _KEY, _INK, _PAPER = "#e4e4e4", "#6b6b6b", "#d55e00", "#1a1a1a", "#ffffff"
@@ -234,8 +229,11 @@ def jointing_section(design: Design, board: BoardInPieces, files: Sequence[Outpu
         f"{keys} keys in one."
     )
     lying = "printed side down: the bed makes the ink flat"
+    width, height = design.job.target.size_words.split("x")[:2]
+    alt = f"The {len(board.pieces)} pieces seen from behind with their numbers, and the keys across their seams."
+    caption = f"As they are joined, face down, the board's upper side up. {width} x {height} mm; orange: keys."
     blocks: tuple[Block, ...] = (
-        _plan(design, board),
+        Figure("The pieces from behind", plan_svg(board), alt, caption),
         _pieces_table(board, plates),
         print_settings(design, design.job.printing.printer.machine.shells, lying),
         *plate_folds(design),
@@ -243,14 +241,6 @@ def jointing_section(design: Design, board: BoardInPieces, files: Sequence[Outpu
         Fold("Join the pieces", (_joining_steps(design, board),)),
     )
     return Section("Making it", blocks, lead)
-
-
-def _plan(design: Design, board: BoardInPieces) -> Figure:
-    """The assembled board from behind."""
-    width, height = design.job.target.size_words.split("x")[:2]
-    alt = f"The {len(board.pieces)} pieces seen from behind with their numbers, and the keys across their seams."
-    caption = f"As they are joined, face down, the board's upper side up. {width} x {height} mm; orange: keys."
-    return Figure("The pieces from behind", plan_svg(board), alt, caption)
 
 
 def plan_svg(board: BoardInPieces) -> Svg:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from importlib import import_module
 from importlib.util import find_spec
 
@@ -28,18 +28,7 @@ from designer.make.bed import Plate, against_skew, bed_from_target, mapped
 from designer.make.cutting import Cutting, cuttings
 from designer.make.estimate import PrintEstimate, estimate
 from designer.make.lip import sticker_body
-from designer.make.mesh import (
-    ColouredMesh,
-    Hull,
-    Mesh,
-    Part,
-    coloured,
-    inlaid,
-    plain_plate,
-    plate_hull,
-    raised,
-    solid_hull,
-)
+from designer.make.mesh import ColouredMesh, Hull, Part, coloured, inlaid, plain_plate, plate_hull, raised, solid_hull
 from designer.make.pages import SheetPage
 from designer.make.pattern import Pattern, make_pattern
 from designer.make.sheets import lay_out_sheets
@@ -80,7 +69,17 @@ class Design:
     @cached_property
     def part(self) -> Part:
         """The printed solid, ready for a slicer, with shrinkage and skew compensation."""
-        return self._straight_part().placed(self._against_skew)
+        spec, printing, scale = self.job.target, self.job.printing, self.scale
+        if printing.way.ink == "raised":
+            straight = raised(self.printed_pattern, printing.below_raised_mm(spec.depth_mm), printing.inlay_mm)
+        elif printing.is_two_filament:
+            straight = inlaid(self.printed_pattern, self._hull(printing.inlay_mm), printing.inlay_mm)
+        elif spec.body is None:
+            straight = Part(plain_plate(self.target.outline_mm[0], spec.depth_mm), None)
+        else:
+            body = sticker_body(self.target, spec.body, printing)
+            straight = Part(replace(body, vertices_mm=scale * body.vertices_mm), None)
+        return straight.placed(self._against_skew)
 
     @property
     def coloured(self) -> ColouredMesh:
@@ -104,16 +103,6 @@ class Design:
         """What printing all plates takes: hours, changes, filament, money."""
         return estimate(self.plates, self.job.printing)
 
-    def _straight_part(self) -> Part:
-        """The printed solid of a printer with square axes."""
-        printing = self.job.printing
-        if not printing.is_two_filament:
-            return Part(self._plain_body(), None)
-        if printing.way.ink == "raised":
-            below_mm = printing.below_raised_mm(self.job.target.depth_mm)
-            return raised(self.printed_pattern, below_mm, printing.inlay_mm)
-        return inlaid(self.printed_pattern, self._hull(printing.inlay_mm), printing.inlay_mm)
-
     def _hull(self, inlay_mm: float) -> Hull:
         spec = self.job.target
         if spec.body is None:
@@ -122,14 +111,6 @@ class Design:
 
     def _against_skew(self, points_mm: Array) -> Array:
         return against_skew(self.target, self.job.printing, points_mm)
-
-    def _plain_body(self) -> Mesh:
-        """The body that stickers or a sheet go on."""
-        spec = self.job.target
-        if spec.body is None:
-            return plain_plate(self.target.outline_mm[0], spec.depth_mm)
-        body = sticker_body(self.target, spec.body, self.job.printing)
-        return replace(body, vertices_mm=self.scale * body.vertices_mm)
 
     @cached_property
     def pages(self) -> tuple[SheetPage, ...]:
@@ -160,9 +141,9 @@ class Maker(ABC):
         """What slicers and folders show of a plate's file: the target, where it is printed as a whole."""
         return target_thumbnails(design.artwork, design.job.target, design.job.printing)
 
-    @abstractmethod
     def machine_words(self, printing: PrintSpec) -> str:
-        """What it is made on, as in `all rules hold on a printed sheet`."""
+        """What it is made on, as in `all rules hold on bambu-p1s with a 0.4 mm nozzle`."""
+        return f"{printing.printer.name} with a {printing.printer.nozzle_mm:g} mm nozzle"
 
     @abstractmethod
     def making(self, design: Design, files: Sequence[OutputFile]) -> Section:
@@ -443,19 +424,11 @@ def _cut_sheets(design: Design) -> Iterator[tuple[str, Cutting, str]]:
         yield ("", sheet, "") if len(sheets) == 1 else (f"{number}.", sheet, f", sheet {number} of {len(sheets)}")
 
 
-def _gerber(design: Design) -> Made:
-    yield _circuit(design, "legend", "gerber.zip", "black silkscreen on white")
-
-
-def _gerber_mask(design: Design) -> Made:
-    yield _circuit(design, "mask", "gerber-mask.zip", "black solder mask, opened where it is white")
-
-
-def _circuit(design: Design, ink: CircuitInk, suffix: str, what: str) -> tuple[str, bytes, str]:
+def _circuit(design: Design, ink: CircuitInk, suffix: str, what: str) -> Made:
     from designer.formats.gerber import gerber_zip
 
     content = gerber_zip(design.target, design.artwork, ink, design.job.name)
-    return suffix, content, f"for a board house: {what}, as it is"
+    yield suffix, content, f"for a board house: {what}, as it is"
 
 
 EXPORTERS: dict[Format, Exporter] = {
@@ -473,6 +446,8 @@ EXPORTERS: dict[Format, Exporter] = {
     "simulator": _simulator,
     "dxf": _dxf,
     "laser": _laser,
-    "gerber": _gerber,
-    "gerber-mask": _gerber_mask,
+    "gerber": partial(_circuit, ink="legend", suffix="gerber.zip", what="black silkscreen on white"),
+    "gerber-mask": partial(
+        _circuit, ink="mask", suffix="gerber-mask.zip", what="black solder mask, opened where it is white"
+    ),
 }

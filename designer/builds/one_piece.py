@@ -7,7 +7,6 @@ from designer.builds.slicing import print_settings, slicer_folds
 from designer.formats.folder import OutputFile
 from designer.make.bed import Piece, Plate, bed_from_target, mapped, printed_corners_mm, tower_area
 from designer.page.blocks import Section
-from designer.spec.spec import PrintSpec
 
 
 class OnePiece(Maker):
@@ -19,10 +18,6 @@ class OnePiece(Maker):
         corners = mapped(printed_corners_mm(design.target, printing), motion[:3, :3]) + motion[:3, 3]
         tower = tower_area(corners[:, :2], printing.printer)
         return (Plate("", (Piece(design.job.name, design.part, motion),), tower_area=tower),)
-
-    def machine_words(self, printing: PrintSpec) -> str:
-        """The printer."""
-        return printer_words(printing)
 
     def making(self, design: Design, files: Sequence[OutputFile]) -> Section:
         """The settings, and the steps in a slicer."""
@@ -39,11 +34,6 @@ class OnePiece(Maker):
         """Open the package."""
         slicers = f"{stem}.bambu.3mf in Bambu Studio or OrcaSlicer, or {stem}.prusa.3mf in PrusaSlicer"
         return f"open {slicers}; filament 1 is the body, 2 the ink"
-
-
-def printer_words(printing: PrintSpec) -> str:
-    """`bambu-p1s with a 0.4 mm nozzle`."""
-    return f"{printing.printer.name} with a {printing.printer.nozzle_mm:g} mm nozzle"
 
 
 MAKER = OnePiece()

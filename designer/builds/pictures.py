@@ -12,7 +12,6 @@ from designer.builds.design import Design
 from designer.builds.slicing import colour_words
 from designer.formats.png import CAPTION_PX, HEIGHT_PX
 from designer.formats.svg import svg_bytes
-from designer.make.pages import SheetPage
 from designer.make.pattern import Contour, Pattern
 from designer.page.blocks import Figure, Leaf, Link, Paragraph, Raster, Svg
 from designer.page.pictures import thumbnail
@@ -87,12 +86,6 @@ def preview_panels(png: bytes) -> Panels:
     return Panels(thumbnail(target, POSTER_PX), thumbnail(net, NET_PX) if net.size else None)
 
 
-def sheet_picture(page: SheetPage) -> Svg:
-    """A page on white paper, as the SVG file draws it."""
-    drawn = svg_bytes((page,)).replace(b"<title>", b'<rect width="100%" height="100%" fill="#ffffff"/>\n<title>', 1)
-    return Svg(drawn, page.width_mm * _PX_PER_MM, page.height_mm * _PX_PER_MM)
-
-
 def sheet_figures(design: Design) -> tuple[Leaf, ...]:
     """The pages to print."""
     name, count, shown = design.job.name, len(design.pages), design.pages[:MOST_SHEETS]
@@ -103,6 +96,10 @@ def sheet_figures(design: Design) -> tuple[Leaf, ...]:
         title = "What is printed" if count == 1 else f"Page {number} of {count}"
         alt = f"A page of {size} with the pattern, cut lines and a scale bar."
         caption = f"{size}. Magenta lines are cut, not printed."
-        figures.append(Figure(title, sheet_picture(page), alt, caption, files if number == 1 else ()))
+        # On white paper, as the SVG file draws it.
+        white = b'<rect width="100%" height="100%" fill="#ffffff"/>\n<title>'
+        drawn = svg_bytes((page,)).replace(b"<title>", white, 1)
+        picture = Svg(drawn, page.width_mm * _PX_PER_MM, page.height_mm * _PX_PER_MM)
+        figures.append(Figure(title, picture, alt, caption, files if number == 1 else ()))
     more = (Paragraph(f"{count - len(shown)} more pages are in {name}.pdf."),) if count > len(shown) else ()
     return (*figures, *more)

@@ -18,9 +18,9 @@ _LINE, _INK, _HIDDEN = "#22262b", "#22262b", 'stroke="#8a9099" stroke-width="0.3
 _PX_PER_MM = 96 / 25.4
 
 
-def plate_figures(design: Design) -> tuple[Leaf, ...]:
-    """Each plate as its slicer shows it from above, what it takes, and its files."""
-    has_files, figures = "3mf" in design.job.formats, []
+def plate_folds(design: Design) -> tuple[Fold, ...]:
+    """Each plate as its slicer shows it from above, what it takes, and its files; those without ink are closed."""
+    printing, has_files, inked, plain = design.job.printing, "3mf" in design.job.formats, list[Leaf](), list[Leaf]()
     for plate, takes in zip(design.plates, design.estimate.plates, strict=True):
         stem = f"{design.job.name}.{plate.name}"
         links = tuple(Link(f"{stem}.{kind}.3mf", f"{stem}.{kind}.3mf") for kind in ("prusa", "bambu") if has_files)
@@ -30,27 +30,18 @@ def plate_figures(design: Design) -> tuple[Leaf, ...]:
         changes = f", {takes.changes} changes" if takes.inked_layers else ""
         caption = f"{duration(takes.time_s)}, {weight}{changes}."
         title = f"{plate.name.replace('-', ' ').capitalize()}: {plate.words}"
-        figures.append(Figure(title, plate_picture(design, plate), alt, caption, links))
-    return tuple(figures)
-
-
-def plate_folds(design: Design) -> tuple[Fold, ...]:
-    """The pictures of all plates, with how to read them; those without ink are closed."""
-    printing, plates = design.job.printing, design.plates
+        figure = Figure(title, plate_picture(design, plate), alt, caption, links)
+        (inked if plate.is_two_filament else plain).append(figure)
     said = (
         "From above, in the order to print",
         "dashed rings lie on the bed" * (printing.ink_side == "down"),
         "hatched: not to be printed on" * bool(printing.printer.excluded_mm),
     )
-    words, figures = Paragraph(f"{'; '.join(filter(None, said))}."), plate_figures(design)
-    inked, plain = (
-        tuple(one for one, plate in zip(figures, plates, strict=True) if plate.is_two_filament is has_ink)
-        for has_ink in (True, False)
-    )
+    words = Paragraph(f"{'; '.join(filter(None, said))}.")
     others = f"{len(plain)} plate{'s' * (len(plain) > 1)} in one filament"
     return (
         Fold(f"{len(inked)} plate{'s' * (len(inked) > 1)} in two filaments", (words, *inked), is_open=True),
-        *((Fold(others, plain),) if plain else ()),
+        *((Fold(others, tuple(plain)),) if plain else ()),
     )
 
 

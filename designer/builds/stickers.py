@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from designer.base.units import NO_SKEW, SCALE_BAR_MM
 from designer.base.words import capital
 from designer.builds.design import Design, Maker
-from designer.builds.one_piece import printer_words
 from designer.builds.pictures import sheet_figures
 from designer.builds.slicing import scale_words, turn_words
 from designer.formats.folder import OutputFile
@@ -27,7 +26,7 @@ class Stickers(Maker):
 
     def machine_words(self, printing: PrintSpec) -> str:
         """Printer and paper."""
-        return f"printed stickers on a body from {printer_words(printing)}"
+        return f"printed stickers on a body from {super().machine_words(printing)}"
 
     def making(self, design: Design, files: Sequence[OutputFile]) -> Section:
         """Print, cut, glue."""

@@ -8,7 +8,6 @@ from functools import lru_cache
 
 from designer.builds.assembling import assembling_section, jointing_section
 from designer.builds.design import Design, Maker
-from designer.builds.one_piece import printer_words
 from designer.builds.plates import plate_thumbnails
 from designer.formats.folder import OutputFile
 from designer.formats.png import Thumbnails
@@ -17,7 +16,6 @@ from designer.make.assembly import Assembly, assemble, plates_of
 from designer.make.bed import Plate
 from designer.make.board_tiles import BoardInPieces, board_in_pieces, board_plates
 from designer.page.blocks import Section
-from designer.spec.spec import PrintSpec
 
 
 class Tiles(Maker):
@@ -56,10 +54,6 @@ class Tiles(Maker):
     def thumbnails(self, design: Design, plate: Plate) -> Thumbnails:
         """The plate from above."""
         return plate_thumbnails(design, plate)
-
-    def machine_words(self, printing: PrintSpec) -> str:
-        """The printer."""
-        return printer_words(printing)
 
     def making(self, design: Design, files: Sequence[OutputFile]) -> Section:
         """From plates to a measured solid, or to a board."""

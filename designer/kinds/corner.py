@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, ClassVar
 from designer.kinds.of_edge import AskedOfEdge, OfEdgeSpec
 from designer.spec.build import Form
 from designer.spec.kind import Kind
-from designer.spec.spec import Lattice
 
 if TYPE_CHECKING:
     from designer.base.solid import Faceted
@@ -61,12 +60,6 @@ class CornerSpec(OfEdgeSpec):
         return tuple(OWN_SQUARES[:3]) if self.lattice == "square" else None
 
 
-@dataclass(frozen=True, kw_only=True)
-class AskedCorner(AskedOfEdge):
-    """An open corner as asked for."""
-
-    spec_type: ClassVar[type[OfEdgeSpec]] = CornerSpec
-    usual_lattice: ClassVar[Lattice] = "square"
-
-
-KIND = Kind("an open corner with rings on three faces that look inward", AskedCorner, CornerSpec)
+KIND = Kind(
+    "an open corner with rings on three faces that look inward", AskedOfEdge.of(CornerSpec, "square"), CornerSpec
+)

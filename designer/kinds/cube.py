@@ -50,11 +50,4 @@ class CubeSpec(SolidSpec):
     shape = staticmethod(cube)
 
 
-@dataclass(frozen=True, kw_only=True)
-class AskedCube(AskedSolid):
-    """A cube as asked for."""
-
-    spec_type: ClassVar[type[SolidSpec]] = CubeSpec
-
-
-KIND = Kind("a cube with rings on its six faces", AskedCube, CubeSpec)
+KIND = Kind("a cube with rings on its six faces", AskedSolid.of(CubeSpec), CubeSpec)

@@ -48,11 +48,4 @@ class DodecahedronSpec(OfEdgeSpec):
         return (*OF_FIVE[15:], *OWN_TRIANGLES[12:]) if self.lattice == "triangular" else tuple(OWN_SQUARES[3:])
 
 
-@dataclass(frozen=True, kw_only=True)
-class AskedDodecahedron(AskedOfEdge):
-    """A dodecahedron as asked for."""
-
-    spec_type: ClassVar[type[OfEdgeSpec]] = DodecahedronSpec
-
-
-KIND = Kind("a dodecahedron with rings on its twelve faces", AskedDodecahedron, DodecahedronSpec)
+KIND = Kind("a dodecahedron with rings on its twelve faces", AskedOfEdge.of(DodecahedronSpec), DodecahedronSpec)

@@ -40,11 +40,9 @@ class DomeSpec(OfEdgeSpec):
         return tuple(OF_FIVE[:15] if self.lattice == "triangular" else MANY_SQUARES)
 
 
-@dataclass(frozen=True, kw_only=True)
-class AskedDome(AskedOfEdge):
-    """A half dome as asked for."""
-
-    spec_type: ClassVar[type[OfEdgeSpec]] = DomeSpec
-
-
-KIND = Kind("a half dome with rings on the fifteen upper faces of an icosahedron, on a flat base", AskedDome, DomeSpec)
+ASKED = AskedOfEdge.of(DomeSpec)
+KIND = Kind(
+    "a half dome with rings on the fifteen upper faces of an icosahedron, on a flat base",
+    AskedOfEdge.of(DomeSpec),
+    DomeSpec,
+)

@@ -8,7 +8,7 @@ import itertools
 import math
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
@@ -52,13 +52,14 @@ _TOLERANCE_MM = 1e-6
 
 @dataclass(frozen=True)
 class Fit:
-    """What decides where a lattice lies on a face."""
+    """What decides where a lattice lies on a face, and the rings on it."""
 
-    lattice: Lattice
-    pitch_mm: float
     ring_diameter_mm: float
+    ring_ratio: float
+    pitch_mm: float
     border_mm: float
     margin_mm: float
+    lattice: Lattice
 
     @property
     def inset_mm(self) -> float:
@@ -67,18 +68,11 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class FacetedSpec(Spec):
+class FacetedSpec(Fit, Spec):
     """A convex body with rings on its flat faces."""
 
     form: ClassVar[Form] = "polyhedron"
     page: ClassVar[str] = "A4"
-
-    ring_diameter_mm: float
-    ring_ratio: float
-    pitch_mm: float
-    border_mm: float
-    margin_mm: float
-    lattice: Lattice
 
     @abstractmethod
     def shape(self) -> "Faceted":
@@ -91,7 +85,7 @@ class FacetedSpec(Spec):
     @property
     def fit(self) -> Fit:
         """What decides where the lattices lie."""
-        return Fit(self.lattice, self.pitch_mm, self.ring_diameter_mm, self.border_mm, self.margin_mm)
+        return Fit(*(getattr(self, field.name) for field in fields(Fit)))
 
     @cached_property
     def laid(self) -> "Laid":
@@ -327,7 +321,7 @@ class AskedFaceted(Asked):
         """
 
     @abstractmethod
-    def spec_of(self, fit: Fit, ratio: float, body: "Faceted") -> FacetedSpec:
+    def spec_of(self, fit: Fit, body: "Faceted") -> FacetedSpec:
         """The spec with all sizes chosen."""
 
     @abstractmethod
@@ -366,7 +360,9 @@ class AskedFaceted(Asked):
             wanted = self._with_room(body, fit)
             self._check_wanted(body, wanted, fit, line)
             remark = ""
-        spec = self.spec_of(fit, ratio, _ringed(body, wanted))
+        bare = [face for row, face in enumerate(body.faces) if row not in wanted]
+        ringed = replace(body, faces=tuple(body.faces[row] for row in wanted), bare=(*bare, *body.bare))
+        spec = self.spec_of(fit, ringed)
         remark = remark or chosen_words(self._chosen(spec))
         check_count(sum(len(face.index) for face in spec.laid.faces), line)
         if spec.laid.differing < LEAST_DIFFERING:
@@ -375,8 +371,7 @@ class AskedFaceted(Asked):
                 "smaller pitch"
             )
         _check_thickness(spec.shape(), line)
-        bare = len(body.faces) - len(wanted)
-        small = f"; {bare} of {len(body.faces)} faces too small for rings stay bare" if bare else ""
+        small = f"; {len(bare)} of {len(body.faces)} faces too small for rings stay bare" if bare else ""
         return spec, f"{remark}{small}"
 
     def _chosen(self, spec: FacetedSpec) -> Iterator[str]:
@@ -398,7 +393,8 @@ class AskedFaceted(Asked):
             border = max(gap, round_up(body.inset_per_depth / INLAY_SHARE * line.inlay_mm), share)
         if margin is None:
             margin = max(gap, round_down(MARGIN_OVER_PITCH * pitch))
-        return Fit(self.lattice or self.usual_lattice, pitch, diameter, border, margin)
+        ratio = self.ring_ratio or RING_RATIO
+        return Fit(diameter, ratio, pitch, border, margin, self.lattice or self.usual_lattice)
 
     def _with_room(self, body: "Faceted", fit: Fit) -> tuple[int, ...]:
         """The faces that hold the least number of marks."""
@@ -421,7 +417,8 @@ class AskedFaceted(Asked):
         """Enough faces must hold rings, and there must be a code for each."""
         if not wanted or (len(wanted) < len(body.faces) and not self.is_partly_bare):
             factor = 1.0
-            while factor < _MOST_SCALE and not self._is_enough(scaled(body, factor), fit):
+            least = 1 if self.is_partly_bare else len(body.faces)
+            while factor < _MOST_SCALE and len(self._with_room(scaled(body, factor), fit)) < least:
                 factor *= 1.02
             raise InputError(
                 f"faces too small for a code and {LEAST_MARKS - 10} rings of {fit.ring_diameter_mm:g}mm at pitch "
@@ -432,10 +429,6 @@ class AskedFaceted(Asked):
                 f"{len(wanted)} faces hold rings, codes tell {MOST_RINGED} apart; use a larger --pitch, "
                 "so that small faces stay bare, or a simpler body"
             )
-
-    def _is_enough(self, body: "Faceted", fit: Fit) -> bool:
-        wanted = self._with_room(body, fit)
-        return bool(wanted) if self.is_partly_bare else len(wanted) == len(body.faces)
 
 
 _MOST_SCALE = 1000.0
@@ -481,9 +474,3 @@ def _counts(body: "Faceted", rows: Iterable[int], fit: Fit) -> list[int]:
             counted[key] = 0 if face is None else len(face.index)
         counts.append(counted[key])
     return counts
-
-
-def _ringed(body: "Faceted", rows: Sequence[int]) -> "Faceted":
-    """The body with rings on these faces only."""
-    bare = [face for row, face in enumerate(body.faces) if row not in set(rows)]
-    return replace(body, faces=tuple(body.faces[row] for row in rows), bare=(*bare, *body.bare))

@@ -82,11 +82,4 @@ class IcoSpec(SolidSpec):
     shape = staticmethod(icosahedron)
 
 
-@dataclass(frozen=True, kw_only=True)
-class AskedIco(AskedSolid):
-    """An icosahedron as asked for."""
-
-    spec_type: ClassVar[type[SolidSpec]] = IcoSpec
-
-
-KIND = Kind("an icosahedron with rings on its 20 faces", AskedIco, IcoSpec)
+KIND = Kind("an icosahedron with rings on its 20 faces", AskedSolid.of(IcoSpec), IcoSpec)

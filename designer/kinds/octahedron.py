@@ -52,11 +52,4 @@ class OctahedronSpec(SolidSpec):
     shape = staticmethod(octahedron)
 
 
-@dataclass(frozen=True, kw_only=True)
-class AskedOctahedron(AskedSolid):
-    """An octahedron as asked for."""
-
-    spec_type: ClassVar[type[SolidSpec]] = OctahedronSpec
-
-
-KIND = Kind("an octahedron with rings on its eight faces", AskedOctahedron, OctahedronSpec)
+KIND = Kind("an octahedron with rings on its eight faces", AskedSolid.of(OctahedronSpec), OctahedronSpec)

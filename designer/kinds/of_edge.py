@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 from designer.base.units import format_mm
 from designer.kinds.faceted import AskedFaceted, FacetedSpec, Fit, scaled
 from designer.spec.options import Option
-from designer.spec.spec import Spec, SpecValue
+from designer.spec.spec import Lattice, Spec, SpecValue
 
 if TYPE_CHECKING:
     from designer.base.solid import Faceted
@@ -55,17 +55,20 @@ class AskedOfEdge(AskedFaceted):
 
     spec_type: ClassVar[type[OfEdgeSpec]]
 
+    @classmethod
+    def of(cls, spec: type[OfEdgeSpec], lattice: Lattice = "triangular") -> "type[AskedOfEdge]":
+        """What is asked for of a kind, of which this lattice is the usual one."""
+        return type(f"Asked{spec.__name__}", (cls,), {"spec_type": spec, "usual_lattice": lattice})
+
     edge: Annotated[float, Option("length above 0", "edge length, such as 60mm")]
 
     def body(self) -> "Faceted":
         """See `AskedFaceted.body`."""
         return scaled(self.spec_type.of_unit_edge(), self.edge)
 
-    def spec_of(self, fit: Fit, ratio: float, body: "Faceted") -> OfEdgeSpec:
+    def spec_of(self, fit: Fit, body: "Faceted") -> OfEdgeSpec:
         """See `AskedFaceted.spec_of`."""
-        return self.spec_type(
-            fit.ring_diameter_mm, ratio, fit.pitch_mm, fit.border_mm, fit.margin_mm, fit.lattice, self.edge
-        )
+        return self.spec_type(**vars(fit), edge_mm=self.edge)
 
     def larger(self, factor: float) -> str:
         """See `AskedFaceted.larger`."""

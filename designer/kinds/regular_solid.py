@@ -136,6 +136,11 @@ class AskedSolid(Asked):
 
     spec_type: ClassVar[type[SolidSpec]]
 
+    @classmethod
+    def of(cls, spec: type[SolidSpec]) -> "type[AskedSolid]":
+        """What is asked for of a kind."""
+        return type(f"Asked{spec.__name__}", (cls,), {"spec_type": spec})
+
     edge: Annotated[float, Option("length above 0", "edge length, such as 100mm")]
     rings_per_side: Annotated[int | None, Option("count", "rings along a side of a face")] = None
 

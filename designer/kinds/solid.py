@@ -103,13 +103,10 @@ class AskedSolidOfFaces(AskedFaceted):
         except ValueError as error:
             raise InputError(f"solid: {error}") from None
 
-    def spec_of(self, fit: Fit, ratio: float, body: "Faceted") -> SolidOfFaces:
+    def spec_of(self, fit: Fit, body: "Faceted") -> SolidOfFaces:
         """See `AskedFaceted.spec_of`."""
         vertices = tuple((float(x), float(y), float(z)) for x, y, z in body.vertices_mm)
-        return SolidOfFaces(
-            fit.ring_diameter_mm, ratio, fit.pitch_mm, fit.border_mm, fit.margin_mm, fit.lattice, vertices, body.faces,
-            body.bare,
-        )  # fmt: skip
+        return SolidOfFaces(**vars(fit), vertices_mm=vertices, faces=body.faces, bare_faces=body.bare)
 
     def sized(self, line: Line) -> tuple[FacetedSpec, str]:
         """See `Asked.sized`."""

@@ -52,11 +52,4 @@ class TetrahedronSpec(SolidSpec):
     shape = staticmethod(tetrahedron)
 
 
-@dataclass(frozen=True, kw_only=True)
-class AskedTetrahedron(AskedSolid):
-    """A tetrahedron as asked for."""
-
-    spec_type: ClassVar[type[SolidSpec]] = TetrahedronSpec
-
-
-KIND = Kind("a tetrahedron with rings on its four faces", AskedTetrahedron, TetrahedronSpec)
+KIND = Kind("a tetrahedron with rings on its four faces", AskedSolid.of(TetrahedronSpec), TetrahedronSpec)

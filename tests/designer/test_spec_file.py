@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from designer.base.errors import InputError
 from designer.base.files import MAX_TOML_BYTES
 from designer.kinds.board import AskedBoard
-from designer.kinds.ico import AskedIco
+from designer.kinds.ico import KIND
 from designer.kinds.presets import PresetKind, preset_names, preset_or_file
 from designer.kinds.sizing import printer_of, size_job
 from designer.kinds.spec_file import (
@@ -83,7 +83,7 @@ def test_every_key_is_read(tmp_path: Path) -> None:
         """,
     )
     asked = parse_spec(read_spec_file(path), str(path))
-    assert asked == AskedIco(
+    assert asked == KIND.asked(
         name="my-ico", edge=100.0, rings_per_side=7, ring_diameter=7.0, pitch=10.0, ring_ratio=0.4,
         border=2.54, margin=2.5, formats=["step", "glb"], page="A3", printer="prusa-mk4", nozzle=0.4, line_width=0.42,
         layer_height=0.15, bed=(250.0, 210.0, 220.0), build="one-piece", inlay_depth=0.9, ink_offset=-0.05,
@@ -265,7 +265,7 @@ def nested(depth: int) -> dict[str, object]:
 def test_deep_and_huge_values_are_refused(key: str) -> None:
     """A table nested by a thousand dots in a key, and a number too long to print, are refused like other values."""
     for value in (nested(3000), 16**6000):
-        sound = ICO if key in options_of(AskedIco) else {"kind": "board"}
+        sound = ICO if key in options_of(KIND.asked) else {"kind": "board"}
         with pytest.raises(InputError, match=f"{key} ") as raised:
             job_of({**sound, key: value})
         assert len(str(raised.value).splitlines()) == 1
