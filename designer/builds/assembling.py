@@ -8,6 +8,7 @@ The page's section on a board in pieces: what lies on which plate, how pieces ar
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 from manifold3d import triangulate
@@ -21,10 +22,11 @@ from designer.formats.folder import OutputFile
 from designer.formats.svg import decimal
 from designer.make.assembly import Assembly
 from designer.make.bed import Plate
-from designer.make.board_tiles import KEY_END_MM, KEY_REACH_MM, KEY_WAIST_MM, BoardInPieces, Seam
+from designer.make.board_tiles import BOW_TIE_MM, BoardInPieces
 from designer.make.estimate import grams
 from designer.make.mesh import mesh_of, wall_strip
-from designer.page.blocks import Block, Cell, Column, Figure, Fold, Section, Steps, Svg, Table, View3d, text_table
+from designer.page.blocks import Block, Figure, Fold, Section, Steps, Svg, Table, View3d, text_table
+from designer.page.folders import Shown, table_of
 from designer.page.pictures import drawing_of_svg
 from designer.page.scene import Labels, Layer, Scene, Surface
 from designer.target import TargetGeometry
@@ -262,17 +264,14 @@ def plan_svg(board: BoardInPieces) -> Svg:
             f'<text x="{decimal(high[0] - x)}" y="{decimal(high[1] - y + size / 3)}" '
             f'font-size="{decimal(size)}" text-anchor="middle" fill="{_INK}">{piece.number}</text>',
         ]
-    lines += [_key_svg(seam, middle, high) for seam in board.seams for middle in seam.keys_mm.tolist()]
+    lines += [
+        f'<polygon points="{_from_behind(middle + BOW_TIE_MM @ np.stack([seam.across, seam.along]), high)}" '
+        f'fill="{_KEY}"/>'
+        for seam in board.seams
+        for middle in seam.keys_mm
+    ]
     lines.append("</svg>\n")
     return drawing_of_svg("\n".join(lines).encode())
-
-
-def _key_svg(seam: Seam, middle: list[float], high: list[float]) -> str:
-    """A bow tie across its seam."""
-    half, waist, end = KEY_REACH_MM, KEY_WAIST_MM / 2, KEY_END_MM / 2
-    places = np.array([(-half, -end), (0.0, -waist), (half, -end), (half, end), (0.0, waist), (-half, end)])
-    corners = middle + places @ np.stack([seam.across, seam.along])
-    return f'<polygon points="{_from_behind(corners, high)}" fill="{_KEY}"/>'
 
 
 def _from_behind(corners: Array, high: list[float]) -> str:
@@ -283,22 +282,18 @@ def _from_behind(corners: Array, high: list[float]) -> str:
 def _pieces_table(board: BoardInPieces, plates: Sequence[Plate]) -> Table:
     """Where each piece is printed, and which it joins."""
     plate_of = {piece.name: plate.name.replace("-", " ") for plate in plates for piece in plate.pieces}
-    columns = (
-        Column("piece"),
-        Column("size, mm", is_number=False),
-        Column("plate", is_number=False),
-        Column("joins", is_number=False),
-    )
     rows = []
     for row, piece in enumerate(board.pieces):
         beside = sorted(board.pieces[other].number for s in board.seams for other in s.pieces if row in s.pieces)
         joins = ", ".join(str(number) for number in beside if number != piece.number)
         size = " x ".join(f"{length:.1f}" for length in np.ptp(piece.outline_mm, axis=0).tolist())
         name = plate_of[f"piece {piece.number}"]
-        rows.append((Cell(str(piece.number), float(piece.number)), Cell(size), Cell(name), Cell(joins)))
+        rows.append((piece.number, size, name, joins))
     keys = sorted({plate_of[name] for name in plate_of if name.startswith("key")})
     note = f"Numbers are engraved on backs and at seams. Keys, all alike: {', '.join(keys)}."
-    return Table("Pieces", columns, tuple(rows), note, visible_rows=20)
+    heads = ("piece", "size, mm", "plate", "joins")
+    columns = [Shown[tuple[int, str, str, str]](head, itemgetter(k)) for k, head in enumerate(heads)]
+    return table_of(rows, *columns, title="Pieces", note=note, visible_rows=20)
 
 
 def _joining_steps(design: Design, board: BoardInPieces) -> Steps:

@@ -19,7 +19,7 @@ from designer.base.arrays import Array, Flags
 from designer.base.errors import InputError
 from designer.base.solid import Solid, regular_polygon
 from designer.kinds.layout import border_width_mm
-from designer.make.bed import TOWER_MM, Piece, Plate, against_skew_along, bed_words
+from designer.make.bed import TOWER_MM, Piece, Plate, bed_words, in_rows, lying, numbered
 from designer.make.core import CorePart, make_core, mount_vertex, split_of
 from designer.make.lettering import ID_DIGITS
 from designer.make.mesh import Part, cylinder, frame_along, mesh_of, placed, solid_of
@@ -154,8 +154,6 @@ def _clear_of(corners: Array, area: Array) -> Flags:
 
 FLAT_MM = 1e-6
 """As low as parts of a single face are."""
-APART_MM = 8.0
-"""Between the pieces of a core: room for two brims."""
 _FACE_DOWN = np.diag([-1.0, 1.0, -1.0, 1.0])
 
 
@@ -270,16 +268,12 @@ def plates_of(assembly: Assembly, printing: PrintSpec) -> tuple[Plate, ...]:
     width, depth, _ = printing.printer.bed_mm
     tower = (width - TOWER_MM, depth - TOWER_MM, width, depth)
     try:
-        tiles = [(group, tower) for group in _tile_pieces(assembly, printing)]
-        groups = [*tiles, *((group, None) for group in _core_pieces(assembly, printing))]
+        return numbered(_tile_pieces(assembly, printing), _core_pieces(assembly, printing), tower, _words)
     except InputError as error:
         edge = _largest_edge_mm(assembly, printing)
         raise InputError(
             f"edge {assembly.solid.edge_mm:g}mm: {error}; use an edge of at most {edge}mm, or a larger printer"
         ) from None
-    return tuple(
-        Plate(f"plate-{number}", group, _words(group), tower) for number, (group, tower) in enumerate(groups, start=1)
-    )
 
 
 def _largest_edge_mm(assembly: Assembly, printing: PrintSpec) -> int:
@@ -343,7 +337,7 @@ def _tile_pieces(assembly: Assembly, printing: PrintSpec) -> Iterator[tuple[Piec
                 motion = motion @ _FACE_DOWN
             else:
                 motion[2, 3] = scale * sizes.thickness_mm
-            pieces.append(Piece(f"tile {number}", _as_printed(tile, motion[:3, :3], printing), motion))
+            pieces.append(replace(lying(f"tile {number}", tile, motion[:3, :3], printing), bed_from_part=motion))
         yield tuple(pieces)
 
 
@@ -355,55 +349,12 @@ def _core_pieces(assembly: Assembly, printing: PrintSpec) -> Iterator[tuple[Piec
         axis = assembly.target_from_post[:3, 2]
         up = -axis if assembly.mounted.mount.up_is_in else axis
         parts.append(("post", post, frame_along(up)[:3, :3].T))
-    pieces = []
-    for name, solid, axes in parts:
-        part = _as_printed(Part(mesh_of(solid), None), axes, printing)
-        motion = np.eye(4)
-        motion[:3, :3] = axes
-        pieces.append(Piece(name, part, motion))
-    yield from _in_rows(pieces, printing)
-
-
-def _as_printed(part: Part, axes: Array, printing: PrintSpec) -> Part:
-    """A part with shrinkage compensation, and sheared against the printer's skew as it lies."""
-    scale = 1 + printing.shrink_compensation_percent / 100
-    return part.placed(lambda points: against_skew_along(axes, printing, scale * points))
-
-
-def _in_rows(pieces: list[Piece], printing: PrintSpec) -> Iterator[tuple[Piece, ...]]:
-    """Pieces in rows from the left front, on as many beds as they take; all on one are centred together."""
-    printer, width = printing.printer, printing.printer.bed_mm[0] - 2 * BED_RIM_MM
-    row: list[Piece] = []
-    at, deepest, widest = np.zeros(2), 0.0, 0.0
+    printer = printing.printer
+    pieces = [lying(name, Part(mesh_of(solid), None), axes, printing) for name, solid, axes in parts]
     for piece in pieces:
-        turned = piece.part.body.vertices_mm @ piece.bed_from_part[:3, :3].T
-        low, size = turned.min(axis=0), np.ptp(turned, axis=0)
+        size = np.ptp(piece.part.body.vertices_mm @ piece.bed_from_part[:3, :3].T, axis=0)
         if printer.place_mm((size[0], size[1]), BED_RIM_MM) is None or size[2] > printer.bed_mm[2]:
             shown = " x ".join(f"{length:.0f}" for length in size)
             raise InputError(f"the core's {piece.name} needs {shown}mm, {bed_words(printer)}")
-        if at[0] + size[0] > width:
-            at = np.array([0.0, at[1] + deepest + APART_MM])
-            deepest = 0.0
-        together = max(widest, at[0] + size[0]), at[1] + max(deepest, size[1])
-        if printer.place_mm(together, BED_RIM_MM) is None:
-            yield _centred(row, printer)
-            row, at, deepest, widest = [], np.zeros(2), 0.0, 0.0
-        motion = piece.bed_from_part.copy()
-        motion[:3, 3] = [at[0] - low[0], at[1] - low[1], -low[2]]
-        row.append(replace(piece, bed_from_part=motion))
-        at = at + np.array([size[0] + APART_MM, 0.0])
-        deepest, widest = max(deepest, float(size[1])), max(widest, float(at[0] - APART_MM))
-    yield _centred(row, printer)
-
-
-def _centred(pieces: list[Piece], printer: PrinterProfile) -> tuple[Piece, ...]:
-    """Pieces moved together to the middle of the bed, or as near to it as the bed is free."""
-    corners = np.concatenate(
-        [piece.part.body.vertices_mm @ piece.bed_from_part[:3, :3].T + piece.bed_from_part[:3, 3] for piece in pieces]
-    )
-    low, (width, depth, _) = corners.min(axis=0), np.ptp(corners, axis=0).tolist()
-    place = printer.place_mm((width, depth), BED_RIM_MM)
-    assert place is not None  # noqa: S101 - they were put together so
-    step = np.zeros((4, 4))
-    step[:2, 3] = place - low[:2]
-    return tuple(replace(piece, bed_from_part=piece.bed_from_part + step) for piece in pieces)
+    width = printer.bed_mm[0] - 2 * BED_RIM_MM
+    yield from in_rows(pieces, width, lambda size: printer.place_mm(size, BED_RIM_MM))

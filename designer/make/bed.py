@@ -12,8 +12,8 @@ the filament has just been loaded. What other slicers do for towers that are hig
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from manifold3d import CrossSection
@@ -29,7 +29,9 @@ from designer.target import TargetGeometry
 
 _ALIKE = 1e-6
 """Normals differ by more."""
-_QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+_ROUNDING_MM = 1e-6
+"""Lengths of a part come out of turns of the design."""
+QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 def bed_from_target(target: TargetGeometry, printing: PrintSpec) -> Array:
@@ -118,7 +120,7 @@ def _bed_axes(target: TargetGeometry, printing: PrintSpec) -> Array:
     """Rotation from the target's axes to the bed's, from the part before it is sheared.  # (3, 3)"""
     bed_x, bed_y, _ = printing.printer.bed_mm
     rotation = face_down(target)
-    return _QUARTER_TURN @ rotation if is_turned(target, is_bed_deep=bed_y > bed_x) else rotation
+    return QUARTER_TURN @ rotation if is_turned(target, is_bed_deep=bed_y > bed_x) else rotation
 
 
 def _straight_corners_mm(target: TargetGeometry, printing: PrintSpec) -> Array:
@@ -206,6 +208,62 @@ class Plate:
             return None
         left, front, right, rear = self.tower_area
         return max((left + right - width_mm) / 2, left + BRIM_MM), max((front + rear - depth_mm) / 2, front + BRIM_MM)
+
+
+APART_MM = 8.0
+"""Between pieces in rows: room for two brims."""
+
+
+def lying(name: str, part: Part, axes: Array, printing: PrintSpec) -> Piece:
+    """A part with shrinkage compensation, and sheared against the printer's skew, as it lies but not yet where."""
+    scale, motion = 1 + printing.shrink_compensation_percent / 100, np.eye(4)
+    motion[:3, :3] = axes
+    return Piece(name, part.placed(lambda points: against_skew_along(axes, printing, scale * points)), motion)
+
+
+def in_rows(
+    pieces: Sequence[Piece], width_mm: float, place: Callable[[tuple[float, float]], tuple[float, float] | None]
+) -> Iterator[tuple[Piece, ...]]:
+    """Pieces side by side in rows from the left front, moved together to their place, on as many beds as they take.
+
+    Args:
+        pieces: as they lie.
+        width_mm: of the rows.
+        place: the front left corner of a rectangle of a size; None: there is no room for it.
+    """
+    row: list[Piece] = []
+    at, deepest, together = np.zeros(2), 0.0, (0.0, 0.0)
+
+    def moved() -> tuple[Piece, ...]:
+        step, corner = np.zeros((4, 4)), place(together)
+        assert corner is not None  # noqa: S101 - they were put together so
+        step[:2, 3] = corner
+        return tuple(replace(piece, bed_from_part=piece.bed_from_part + step) for piece in row)
+
+    for piece in pieces:
+        turned = piece.part.body.vertices_mm @ piece.bed_from_part[:3, :3].T
+        low, (width, depth, _) = turned.min(axis=0), np.ptp(turned, axis=0).tolist()
+        if row and at[0] + width > width_mm + _ROUNDING_MM:
+            at, deepest = np.array([0.0, at[1] + deepest + APART_MM]), 0.0
+        larger = (max(together[0], float(at[0]) + width), float(at[1]) + max(deepest, depth))
+        if row and place(larger) is None:
+            yield moved()
+            row, at, deepest, larger = [], np.zeros(2), 0.0, (width, depth)
+        motion, together = piece.bed_from_part.copy(), larger
+        motion[:3, 3] = [at[0] - low[0], at[1] - low[1], -low[2]]
+        row.append(replace(piece, bed_from_part=motion))
+        at, deepest = at + np.array([width + APART_MM, 0.0]), max(deepest, depth)
+    if row:
+        yield moved()
+
+
+def numbered(
+    inked: Iterable[tuple[Piece, ...]], others: Iterable[tuple[Piece, ...]], tower: Area,
+    words: Callable[[tuple[Piece, ...]], str],
+) -> tuple[Plate, ...]:  # fmt: skip
+    """Plates in the order to print: those with ink leave room for a tower."""
+    groups = [*((group, tower) for group in inked), *((group, None) for group in others)]
+    return tuple(Plate(f"plate-{number}", group, words(group), area) for number, (group, area) in enumerate(groups, 1))
 
 
 def tower_area(corners_mm: Array, printer: PrinterProfile) -> Area | None:

@@ -21,17 +21,20 @@ from manifold3d import CrossSection, JoinType, Manifold, triangulate
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.kinds.board_cuts import BoardCuts, Point, cut_board, room_mm, strip_mm
-from designer.make.bed import Piece, Plate, against_skew_along
+from designer.make.bed import QUARTER_TURN, Piece, Plate, in_rows, lying, numbered
 from designer.make.lettering import HEIGHT, ID_DIGITS, text_contours, text_width
 from designer.make.mesh import Mesh, Part, inlaid, mesh_of, plate_hull, prism, solid_of, union, wall_strip
 from designer.make.pattern import Contour, make_pattern, moved_in
-from designer.spec.spec import PrinterProfile, PrintSpec
+from designer.spec.spec import PrintSpec
 from designer.target import TargetGeometry
 from designer.target_scene import polygon_area_mm2
 
 KEY_REACH_MM, KEY_WAIST_MM, KEY_END_MM = 9.0, 5.0, 9.0
 """Of a bow tie: how far it reaches into each piece, how wide it is in the seam and at its ends. Assumptions: a waist of
 eleven lines does not break by hand, and flanks of 12 degrees hold without glue."""
+_LOWER = ((-KEY_REACH_MM, -KEY_END_MM / 2), (0.0, -KEY_WAIST_MM / 2), (KEY_REACH_MM, -KEY_END_MM / 2))
+BOW_TIE_MM = np.array([*_LOWER, *((-x, -y) for x, y in _LOWER)])
+"""A key about its middle, its waist along y.  # (6, 2)"""
 MOST_KEY_DEPTH_MM = 3.0
 LEAST_KEY_LAYERS = 3
 CLOSED_LAYERS, ENGRAVED_LAYERS = 2, 2
@@ -43,11 +46,8 @@ FIRST_KEY, FARTHEST_KEY = 0.2, 0.75
 KEY_STEP_MM = 1.0
 """By which the distances of two seams' keys differ: four clearances or more."""
 PAD_PLACES, PAD_WIDTH_MM = (0.08, 0.92), 6.0
-APART_MM = 8.0
-"""Between pieces on a plate: room for two brims."""
 NUMBER_STROKE_MM, JOINS_STROKE_MM = 2.0, 0.8
 _FAR_MM = 1000.0
-_QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,15 +98,6 @@ class BoardInPieces:
     key: Mesh  # upright, as it is printed, over its middle; its waist along y
     key_top_mm: float  # z of the pockets' floors
 
-    def placed_keys(self) -> Iterator[Manifold]:
-        """Each key in its pockets, in the target's frame: on the pockets' floors, a layer below the back."""
-        for seam in self.seams:
-            for middle in seam.keys_mm:
-                frame = np.eye(4)
-                frame[:2, 0], frame[:2, 1] = seam.across, seam.along
-                frame[:3, 3] = [*middle, self.key_top_mm - float(self.key.vertices_mm[:, 2].max())]
-                yield solid_of(self.key).transform(frame[:3])
-
 
 @lru_cache(maxsize=2)
 def board_in_pieces(target: TargetGeometry, printing: PrintSpec) -> BoardInPieces:
@@ -148,7 +139,7 @@ def board_in_pieces(target: TargetGeometry, printing: PrintSpec) -> BoardInPiece
         pieces.append(
             BoardPiece(row + 1, low, high, cuts.outline_mm(low, high), Part(mesh_of(solid), mesh_of(ink ^ cell)))
         )
-    key = mesh_of(Manifold.extrude(_bow_tie(), depth - layer))
+    key = mesh_of(Manifold.extrude(CrossSection([BOW_TIE_MM]), depth - layer))
     return BoardInPieces(tuple(pieces), seams, len(cuts.x_mm) - 1, cuts.is_turned, key, key_top)
 
 
@@ -196,16 +187,9 @@ def _seams(cuts: BoardCuts, clearance: float) -> Iterator[Seam]:
             number += 1
 
 
-def _bow_tie() -> CrossSection:
-    """A key about its middle, its waist along y."""
-    half, waist, end = KEY_REACH_MM, KEY_WAIST_MM / 2, KEY_END_MM / 2
-    corners = [(-half, -end), (0.0, -waist), (half, -end), (half, end), (0.0, waist), (-half, end)]
-    return CrossSection([np.array(corners)])
-
-
 def _pockets(seams: tuple[Seam, ...], clearance: float, top_mm: float) -> Iterator[Manifold]:
     """Room for the keys with the clearance around them, from far behind up to the pockets' floors."""
-    room = Manifold.extrude(_bow_tie().offset(clearance, JoinType.Miter), _FAR_MM)
+    room = Manifold.extrude(CrossSection([BOW_TIE_MM]).offset(clearance, JoinType.Miter), _FAR_MM)
     for seam in seams:
         for middle in seam.keys_mm:
             frame = np.eye(4)
@@ -263,18 +247,21 @@ def _letters(row: int, low: Point, high: Point, seams: list[Seam], target_id: st
 
 def board_plates(board: BoardInPieces, printing: PrintSpec) -> tuple[Plate, ...]:
     """The pieces in two filaments, then the keys in one."""
-    lying = np.diag([-1.0, 1.0, -1.0]) if printing.ink_side == "down" else np.eye(3)
-    axes = _QUARTER_TURN @ lying if board.is_turned else lying
-    pieces = [_lying(f"piece {one.number}", one.part, axes, printing) for one in board.pieces]
+    flat = np.diag([-1.0, 1.0, -1.0]) if printing.ink_side == "down" else np.eye(3)
+    axes = QUARTER_TURN @ flat if board.is_turned else flat
+    pieces = [lying(f"piece {one.number}", one.part, axes, printing) for one in board.pieces]
     key = Part(board.key, None)
-    keys = [_lying(f"key {number}", key, np.eye(3), printing) for number in range(1, 2 * len(board.seams) + 1)]
+    keys = [lying(f"key {number}", key, np.eye(3), printing) for number in range(1, 2 * len(board.seams) + 1)]
     left, front = strip_mm(printing.printer).tolist()
     tower = (0.0, 0.0, left or printing.printer.bed_mm[0], front or printing.printer.bed_mm[1])
-    inked = [(group, tower) for group in _in_rows(pieces, printing.printer)]
-    groups = [*inked, *((group, None) for group in _in_rows(keys, printing.printer))]
-    return tuple(
-        Plate(f"plate-{number}", group, _words(group), tower) for number, (group, tower) in enumerate(groups, start=1)
-    )
+    corner, room = room_mm(printing.printer)
+
+    def place(size_mm: tuple[float, float]) -> tuple[float, float] | None:
+        """In the middle of the room behind the prime tower."""
+        x, y = (corner + (room - size_mm) / 2).tolist()
+        return (x, y) if (np.array(size_mm) <= room + 1e-6).all() else None
+
+    return numbered(in_rows(pieces, room[0], place), in_rows(keys, room[0], place), tower, _words)
 
 
 def _words(group: tuple[Piece, ...]) -> str:
@@ -282,42 +269,3 @@ def _words(group: tuple[Piece, ...]) -> str:
     if group[0].part.ink is None:
         return f"{len(group)} keys"
     return f"piece{'s' * (len(group) > 1)} {', '.join(piece.name.split()[1] for piece in group)}"
-
-
-def _lying(name: str, part: Part, axes: Array, printing: PrintSpec) -> Piece:
-    """A part with shrinkage compensation, and sheared against the printer's skew, as it lies but not yet where."""
-    scale = 1 + printing.shrink_compensation_percent / 100
-    motion = np.eye(4)
-    motion[:3, :3] = axes
-    return Piece(name, part.placed(lambda points: against_skew_along(axes, printing, scale * points)), motion)
-
-
-def _in_rows(pieces: list[Piece], printer: PrinterProfile) -> Iterator[tuple[Piece, ...]]:
-    """Pieces side by side in rows behind the prime tower, in the middle of as many beds as they take."""
-    _, room = room_mm(printer)
-    row: list[Piece] = []
-    at, deepest = np.zeros(2), 0.0
-    for piece in pieces:
-        turned = piece.part.body.vertices_mm @ piece.bed_from_part[:3, :3].T
-        low, size = turned.min(axis=0), np.ptp(turned, axis=0)
-        if row and at[0] + size[0] > room[0] + 1e-6:
-            at, deepest = np.array([0.0, at[1] + deepest + APART_MM]), 0.0
-        if row and at[1] + size[1] > room[1] + 1e-6:
-            yield _in_the_middle(row, printer)
-            row, at, deepest = [], np.zeros(2), 0.0
-        motion = piece.bed_from_part.copy()
-        motion[:3, 3] = [at[0] - low[0], at[1] - low[1], -low[2]]
-        row.append(replace(piece, bed_from_part=motion))
-        at = at + np.array([size[0] + APART_MM, 0.0])
-        deepest = max(deepest, float(size[1]))
-    if row:
-        yield _in_the_middle(row, printer)
-
-
-def _in_the_middle(pieces: list[Piece], printer: PrinterProfile) -> tuple[Piece, ...]:
-    """Pieces that begin at (0, 0), moved together to the middle of the room beside the prime tower."""
-    high = np.max([piece.as_it_lies.body.vertices_mm.max(axis=0) for piece in pieces], axis=0)
-    step = np.zeros((4, 4))
-    corner, room = room_mm(printer)
-    step[:2, 3] = corner + (room - high[:2]) / 2
-    return tuple(replace(piece, bed_from_part=piece.bed_from_part + step) for piece in pieces)

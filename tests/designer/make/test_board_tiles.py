@@ -1,5 +1,6 @@
 """Boards in pieces: whole rings where the target has them, no overlap, clearances, keys that tell pieces apart."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from itertools import combinations
@@ -32,6 +33,16 @@ def large(**values: object) -> BoardInPieces:
     """The same in pieces."""
     made = job(**values)
     return board_in_pieces(made.target.lay_out(), made.printing)
+
+
+def placed_keys(board: BoardInPieces) -> Iterator[Manifold]:
+    """Each key in its pockets, in the target's frame: on the pockets' floors, a layer below the back."""
+    for seam in board.seams:
+        for middle in seam.keys_mm:
+            frame = np.eye(4)
+            frame[:2, 0], frame[:2, 1] = seam.across, seam.along
+            frame[:3, 3] = [*middle, board.key_top_mm - float(board.key.vertices_mm[:, 2].max())]
+            yield solid_of(board.key).transform(frame[:3])
 
 
 def solids(board: BoardInPieces) -> list[Manifold]:
@@ -91,7 +102,7 @@ def test_the_target_says_which_piece_a_ring_is_on(lattice: str) -> None:
 def test_nothing_overlaps_and_clearances_are_the_printers(lattice: str) -> None:
     """Pieces touch at their pads alone, and lie a clearance apart elsewhere; so do keys from their pockets' walls."""
     board, clearance = large(lattice=lattice), job().printing.printer.clearance_mm
-    parts, keys = solids(board), list(board.placed_keys())
+    parts, keys = solids(board), list(placed_keys(board))
     assert len(board.pieces) == 6
     assert len(keys) == 2 * len(board.seams) == 14
     shares = [Polygon(piece.outline_mm) for piece in board.pieces]
@@ -127,7 +138,7 @@ def test_pockets_stay_clear_of_the_ink() -> None:
 def test_a_piece_fits_one_place_one_way_round(lattice: str) -> None:
     """In any other piece's place, or turned by half a turn, keys of the place run into it (or its seams are others)."""
     board = large(lattice=lattice)
-    parts, keys = solids(board), list(board.placed_keys())
+    parts, keys = solids(board), list(placed_keys(board))
     turn = np.diag([-1.0, -1.0, 1.0, 1.0])
     for place, there in enumerate(board.pieces):
         needed = [key for n, key in enumerate(keys) if place in board.seams[n // 2].pieces]
