@@ -4,9 +4,10 @@
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated, TypeVar, cast
 
 from designer.base.codec import BadValueError, decode
 from designer.base.errors import InputError
@@ -15,7 +16,7 @@ from designer.base.marks import Length, Reads, Told
 from designer.base.units import parse_angle_rad, parse_length_mm, parse_percent, parse_quantity
 from designer.base.words import several, shown, suggestion
 from designer.kinds.presets import preset_or_file
-from designer.tolerance.effort import Effort, parse_effort
+from designer.tolerance.effort import parse_effort
 from designer.tolerance.model import SHAPES, ErrorModel, PieceWords, Shape
 from designer.tolerance.source import KINDS, Amount, ErrorSource, Unit
 from designer.tolerance.sources import SOURCES, source_named
@@ -23,6 +24,7 @@ from designer.tolerance.sources import SOURCES, source_named
 if TYPE_CHECKING:
     from designer.base.files import JsonValue
 
+T = TypeVar("T")
 Text = Annotated[str, Length(1, 4000)]
 MAX_KELVIN = 1000.0
 _KELVIN_PER_UNIT = {"": 1.0, "K": 1.0, "°C": 1.0, "degC": 1.0}
@@ -48,15 +50,6 @@ class Sourced:
 
 
 @dataclass(frozen=True)
-class PieceTable:
-    """`designer.tolerance.model.PieceWords` as people write it."""
-
-    name: Annotated[Text, Told("word for it, such as 'tile'")]
-    lifted: Annotated[Text, Told("remedy where one is high, low or tilted")]
-    aside: Annotated[Text, Told("remedy where one is turned or shifted in its plane")]
-
-
-@dataclass(frozen=True)
 class ErrorFile:
     """An error model: how a way of making misses the drawing."""
 
@@ -65,7 +58,7 @@ class ErrorFile:
     errors: Annotated[dict[str, Sourced], Told("tables, one for each error source")]
     expansion: Sourced | None = None  # linear, of the material, such as 68e-6/K
     layer_height: Sourced | None = None
-    piece: PieceTable | None = None  # what a face is, where faces are put on one by one
+    piece: PieceWords | None = None  # what a face is, where faces are put on one by one
     suits: tuple[Shape, ...] = SHAPES  # what is made so
     price: Sourced | None = None  # such as 12EUR + 3EUR/dm2
     hours: Sourced | None = None  # such as 1h + 0.1h/face
@@ -108,37 +101,27 @@ def _read(path: Path) -> ErrorModel:
             amounts=tuple(
                 (name, parse_amount(entry.amount, source_named(name))) for name, entry in file.errors.items()
             ),
-            expansion_per_kelvin=_positive("expansion", file.expansion, parse_expansion),
-            layer_height_mm=_positive("layer_height", file.layer_height, parse_length_mm),
+            expansion_per_kelvin=_told("expansion", file.expansion, parse_expansion) or 0.0,
+            layer_height_mm=_told("layer_height", file.layer_height, parse_length_mm) or 0.0,
             material=file.material,
             suits=file.suits,
-            price=_effort("price", file.price, "EUR"),
-            hours=_effort("hours", file.hours, "h"),
-            piece=None if file.piece is None else PieceWords(**asdict(file.piece)),
+            price=_told("price", file.price, partial(parse_effort, unit="EUR")),
+            hours=_told("hours", file.hours, partial(parse_effort, unit="h")),
+            piece=file.piece,
             notes=tuple((name, entry.source) for name, entry in entries.items() if entry is not None),
         )
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
-def _effort(name: str, entry: Sourced | None, unit: str) -> Effort | None:
-    """What making takes; None where the file does not tell it."""
+def _told(name: str, entry: Sourced | None, parse: Callable[[str], T]) -> T | None:
+    """A number, or what making takes, above zero; None where the file does not tell it."""
     try:
-        return None if entry is None else parse_effort(entry.amount, unit)
+        value = None if entry is None else parse(entry.amount)
+        if isinstance(value, float) and value <= 0:
+            raise ValueError("must be more than zero")
     except ValueError as error:
         raise InputError(f"{name} {shown(entry.amount if entry else '')}: {error}") from None
-
-
-def _positive(name: str, entry: Sourced | None, parse: Callable[[str], float]) -> float:
-    """A number that every print has; 0 where the file does not tell it."""
-    if entry is None:
-        return 0.0
-    try:
-        value = parse(entry.amount)
-    except ValueError as error:
-        raise InputError(f"{name} {shown(entry.amount)}: {error}") from None
-    if value <= 0:
-        raise InputError(f"{name} {shown(entry.amount)}: must be more than zero")
     return value
 
 
@@ -163,15 +146,6 @@ def _checked(model: ErrorModel, path: Path) -> ErrorModel:
     return model
 
 
-def parse_kelvin(text: str) -> float:
-    """A difference of temperature in kelvin.
-
-    Raises:
-        ValueError: no number with a unit of temperature, not finite, or more than 1000 K.
-    """
-    return parse_quantity(text, _KELVIN_PER_UNIT, "a difference of temperature such as 5K", MAX_KELVIN)
-
-
 def parse_expansion(text: str) -> float:
     """A coefficient of linear expansion per kelvin.
 
@@ -185,7 +159,7 @@ _PARSERS: Mapping[Unit, Callable[[str], float]] = {
     "mm": parse_length_mm,
     "rad": parse_angle_rad,
     "1": lambda text: parse_percent(text) / 100,
-    "K": parse_kelvin,
+    "K": lambda text: parse_quantity(text, _KELVIN_PER_UNIT, "a difference of temperature such as 5K", MAX_KELVIN),
 }
 
 

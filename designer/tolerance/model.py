@@ -3,12 +3,13 @@
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 
 from designer.base.arrays import Array
 from designer.base.errors import InputError
+from designer.base.marks import Length, Told
 from designer.target import TargetGeometry
 from designer.tolerance.effort import Effort
 from designer.tolerance.shape import MadeShape, shape_of, target_of
@@ -26,9 +27,9 @@ Values = Mapping[str, Array]
 class PieceWords:
     """What a face is where faces are put on one by one, and what to do with one that sits badly."""
 
-    name: str  # "tile"
-    lifted: str  # where it is high, low or tilted
-    aside: str  # where it is turned or shifted in its plane
+    name: Annotated[str, Length(1, 4000), Told("word for it, such as 'tile'")]
+    lifted: Annotated[str, Length(1, 4000), Told("remedy where one is high, low or tilted")]
+    aside: Annotated[str, Length(1, 4000), Told("remedy where one is turned or shifted in its plane")]
 
 
 @dataclass(frozen=True)

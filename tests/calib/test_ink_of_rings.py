@@ -17,7 +17,7 @@ from designer.kinds.board import BoardSpec
 from designer.kinds.layout import lay_out
 from designer.target import TargetGeometry
 from designer.tolerance.shape import shape_of, target_of
-from designer.tolerance.sources.ink_bleed import INK_BLEED
+from designer.tolerance.sources.ink_bleed import SOURCE as INK_BLEED
 
 BOARD = lay_out(BoardSpec((200.0, 150.0), 5.0, 13, 9, "triangular", 12.0, 0.45, 15.0, 1.0, 4.0, dots=True))
 RADIUS_MM, HOLE_MM = float(BOARD.radius_outer_mm[0]), float(BOARD.radius_inner_mm.max())

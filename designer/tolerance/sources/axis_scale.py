@@ -16,4 +16,4 @@ def _apply(shape: MadeShape, values: Array) -> MadeShape:
     return shape.in_bed_axes(np.diag(1 + values[0]))
 
 
-AXIS_SCALE = ErrorSource("axis_scale", "scale of single axes", "1", "print", 3, _apply)
+SOURCE = ErrorSource("axis_scale", "scale of single axes", "1", "print", 3, _apply)

@@ -6,7 +6,7 @@ from designer.base.arrays import Array
 from designer.tolerance.pieces import face_middle_mm
 from designer.tolerance.shape import MadeShape
 from designer.tolerance.source import ErrorSource
-from designer.tolerance.sources.warp import WARP
+from designer.tolerance.sources.warp import SOURCE as WARP
 
 
 def _apply(shape: MadeShape, values: Array) -> MadeShape:
@@ -20,4 +20,4 @@ def _apply(shape: MadeShape, values: Array) -> MadeShape:
     return WARP.apply(shape, values * diagonal_mm)
 
 
-BOW_TWIST = ErrorSource("bow_twist", "bow and twist of a board, of its diagonal", "1", "print", 3, _apply)
+SOURCE = ErrorSource("bow_twist", "bow and twist of a board, of its diagonal", "1", "print", 3, _apply)

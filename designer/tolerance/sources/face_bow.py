@@ -36,4 +36,4 @@ def bent(shape: MadeShape, values: Array) -> MadeShape:
     return shape.with_rings_moved(np.stack([np.zeros_like(height), np.zeros_like(height), height], axis=1))
 
 
-FACE_BOW = ErrorSource("face_bow", "bow of faces", "mm", "face", 3, bent)
+SOURCE = ErrorSource("face_bow", "bow of faces", "mm", "face", 3, bent)

@@ -12,4 +12,4 @@ def _apply(shape: MadeShape, values: Array) -> MadeShape:
     return shape.with_pieces_moved(shift_of_pieces(np.pad(values, ((0, 0), (2, 0)))))
 
 
-FACE_OFFSET = ErrorSource("face_offset", "offset of faces or pieces along their normal", "mm", "piece", 1, _apply)
+SOURCE = ErrorSource("face_offset", "offset of faces or pieces along their normal", "mm", "piece", 1, _apply)

@@ -12,4 +12,4 @@ def _apply(shape: MadeShape, values: Array) -> MadeShape:
     return shape.with_pieces_moved(turn_of_pieces(shape.nominal, np.pad(values, ((0, 0), (2, 0)))))
 
 
-FACE_ROTATION = ErrorSource("face_rotation", "rotation of faces or pieces in their plane", "rad", "piece", 1, _apply)
+SOURCE = ErrorSource("face_rotation", "rotation of faces or pieces in their plane", "rad", "piece", 1, _apply)

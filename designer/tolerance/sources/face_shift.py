@@ -12,4 +12,4 @@ def _apply(shape: MadeShape, values: Array) -> MadeShape:
     return shape.with_pieces_moved(shift_of_pieces(np.pad(values, ((0, 0), (0, 1)))))
 
 
-FACE_SHIFT = ErrorSource("face_shift", "shift of faces or pieces in their plane", "mm", "piece", 2, _apply)
+SOURCE = ErrorSource("face_shift", "shift of faces or pieces in their plane", "mm", "piece", 2, _apply)

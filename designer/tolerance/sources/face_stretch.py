@@ -21,4 +21,4 @@ def _apply(shape: MadeShape, values: Array) -> MadeShape:
     return shape.with_rings_moved(np.stack([a * x + b * y, b * x - a * y, np.zeros_like(x)], axis=1))
 
 
-FACE_STRETCH = ErrorSource("face_stretch", "stretch of faces in their plane", "1", "face", 2, _apply)
+SOURCE = ErrorSource("face_stretch", "stretch of faces in their plane", "1", "face", 2, _apply)

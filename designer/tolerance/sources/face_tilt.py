@@ -14,4 +14,4 @@ def _apply(shape: MadeShape, values: Array) -> MadeShape:
     return shape.with_pieces_moved(turn_of_pieces(shape.nominal, np.pad(values, ((0, 0), (0, 1)))))
 
 
-FACE_TILT = ErrorSource("face_tilt", "tilt of faces or pieces", "rad", "piece", 2, _apply)
+SOURCE = ErrorSource("face_tilt", "tilt of faces or pieces", "rad", "piece", 2, _apply)

@@ -30,4 +30,4 @@ def _apply(shape: MadeShape, values: Array) -> MadeShape:
     )
 
 
-INK_BLEED = ErrorSource("ink_bleed", "ink bleed at each edge", "mm", "print", 1, _apply)
+SOURCE = ErrorSource("ink_bleed", "ink bleed at each edge", "mm", "print", 1, _apply)

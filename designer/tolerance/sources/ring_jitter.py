@@ -12,4 +12,4 @@ def _apply(shape: MadeShape, values: Array) -> MadeShape:
     return shape.with_rings_moved(np.pad(values, ((0, 0), (0, 1))))
 
 
-RING_JITTER = ErrorSource("ring_jitter", "place of single rings", "mm", "ring", 2, _apply)
+SOURCE = ErrorSource("ring_jitter", "place of single rings", "mm", "ring", 2, _apply)

@@ -12,4 +12,4 @@ def _apply(shape: MadeShape, values: Array) -> MadeShape:
     return shape.in_bed_axes((1 + values[0, 0]) * np.eye(3))
 
 
-SCALE = ErrorSource("scale", "scale of the print", "1", "print", 1, _apply)
+SOURCE = ErrorSource("scale", "scale of the print", "1", "print", 1, _apply)

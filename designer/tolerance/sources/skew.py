@@ -19,4 +19,4 @@ def _apply(shape: MadeShape, values: Array) -> MadeShape:
     return shape.in_bed_axes(skew_matrix((xy, xz, yz)))
 
 
-SKEW = ErrorSource("skew", "skew of the printer's axes", "rad", "print", 3, _apply)
+SOURCE = ErrorSource("skew", "skew of the printer's axes", "rad", "print", 3, _apply)

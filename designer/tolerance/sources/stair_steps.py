@@ -26,4 +26,4 @@ def _apply(shape: MadeShape, values: Array) -> MadeShape:
     return shape.with_rings_moved((values * per_layer)[shape.nominal.ring_face])
 
 
-STAIR_STEPS = ErrorSource("stair_steps", "steps of layers", "1", "face", 1, _apply, needs="layer_height")
+SOURCE = ErrorSource("stair_steps", "steps of layers", "1", "face", 1, _apply, needs="layer_height")

@@ -12,4 +12,4 @@ def _apply(shape: MadeShape, values: Array) -> MadeShape:
     return shape.in_bed_axes((1 + shape.expansion_per_kelvin * values[0, 0]) * np.eye(3))
 
 
-THERMAL = ErrorSource("thermal", "difference of temperature", "K", "print", 1, _apply, needs="expansion")
+SOURCE = ErrorSource("thermal", "difference of temperature", "K", "print", 1, _apply, needs="expansion")

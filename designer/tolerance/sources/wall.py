@@ -28,4 +28,4 @@ def _apply(shape: MadeShape, values: Array) -> MadeShape:
     return shape.with_faces_moved(shift_of_pieces(step_mm).repeat(shape.nominal.face_count, axis=0))
 
 
-WALL = ErrorSource("wall", "plane of raised or recessed rings", "mm", "print", 1, _apply)
+SOURCE = ErrorSource("wall", "plane of raised or recessed rings", "mm", "print", 1, _apply)

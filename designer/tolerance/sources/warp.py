@@ -19,4 +19,4 @@ def _apply(shape: MadeShape, values: Array) -> MadeShape:
     return bent(shape, values * np.array([[1, 1, 1], [-1, -1, 1]])[: shape.nominal.face_count])
 
 
-WARP = ErrorSource("warp", "warp of a board", "mm", "print", 3, _apply)
+SOURCE = ErrorSource("warp", "warp of a board", "mm", "print", 3, _apply)
