@@ -36,7 +36,7 @@ from designer.base.marks import INLINE, OR_NULL, Gap
 from designer.base.units import Skew
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel
-from designer.tolerance.pieces import face_middle_mm
+from designer.tolerance.shape import face_middle_mm
 
 Sizes = Annotated[Array, OR_NULL]
 

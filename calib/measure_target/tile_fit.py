@@ -17,7 +17,7 @@ from designer.base.arrays import Array, Flags
 from designer.base.marks import Gap
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel
-from designer.tolerance.pieces import face_middle_mm
+from designer.tolerance.shape import face_middle_mm
 from designer.tolerance.source import Amount
 
 Fault = Literal["lifted", "tilted", "turned", "shifted"]

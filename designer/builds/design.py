@@ -25,11 +25,10 @@ from designer.kinds.layout import lay_out
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec, spec_to_toml
 from designer.make.bed import Plate, against_skew, bed_from_target, mapped
-from designer.make.cutting import Cutting, cuttings
 from designer.make.estimate import PrintEstimate, estimate
 from designer.make.lip import sticker_body
 from designer.make.mesh import ColouredMesh, Hull, Part, coloured, inlaid, plain_plate, plate_hull, raised, solid_hull
-from designer.make.pages import SheetPage
+from designer.make.pages import Cutting, SheetPage, cuttings
 from designer.make.pattern import Pattern, make_pattern
 from designer.make.sheets import lay_out_sheets
 from designer.page.blocks import Section
@@ -393,7 +392,7 @@ def _stand(design: Design) -> Made:
 
 def _jig(design: Design) -> Made:
     from designer.formats.stl import stl_bytes
-    from designer.make.jig import edge_jig, tile_press
+    from designer.make.stand import edge_jig, tile_press
 
     solid, press = design.job.target.solid, tile_press(design.target, design.job.printing.printer)
     assert solid is not None  # noqa: S101 - boards have none

@@ -6,8 +6,7 @@ The file format is that of Autodesk's DXF reference for AC1009: pairs of lines, 
 from collections.abc import Iterator
 
 from designer.base.words import capital
-from designer.make.cutting import CUT, ENGRAVE, LABEL, Cutting
-from designer.make.pages import Polygon
+from designer.make.pages import CUT, ENGRAVE, LABEL, Cutting, Polygon
 from designer.target import TargetGeometry
 
 COLOURS = {CUT: 1, ENGRAVE: 7, LABEL: 5}

@@ -2,7 +2,7 @@
 
 from designer.formats.dxf import STOCK, layer_steps
 from designer.formats.svg import area_path, decimal, polygon_path
-from designer.make.cutting import CUT, ENGRAVE, LABEL, Cutting
+from designer.make.pages import CUT, ENGRAVE, LABEL, Cutting
 from designer.target import TargetGeometry
 
 STYLES = {

@@ -16,8 +16,7 @@ import numpy as np
 from designer.base.arrays import Array, Rows
 from designer.target import TargetGeometry
 from designer.tolerance.model import ErrorModel, displaced_shape
-from designer.tolerance.pieces import piece_of_ring
-from designer.tolerance.shape import centers_mm
+from designer.tolerance.shape import centers_mm, piece_of_ring
 from designer.tolerance.source import Unit
 from designer.tolerance.sources import SOURCES
 

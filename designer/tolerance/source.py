@@ -9,11 +9,10 @@ import numpy as np
 
 from designer.base.arrays import Array
 from designer.target import TargetGeometry
-from designer.tolerance.pieces import piece_count
-from designer.tolerance.shape import MadeShape
+from designer.tolerance.shape import MadeShape, piece_count
 
 Scope = Literal["print", "face", "piece", "ring"]
-"""A piece is a face of a solid, or a piece of a board: see `designer.tolerance.pieces`."""
+"""A piece is a face of a solid, or a piece of a board: see `designer.tolerance.shape`."""
 Unit = Literal["mm", "rad", "1", "K"]
 Kind = Literal["normal", "uniform", "fixed"]
 Need = Literal["", "layer_height", "expansion"]

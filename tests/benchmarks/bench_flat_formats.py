@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 import designer
 from designer.builds.design import Design
-from designer.make.cutting import cuttings
+from designer.make.pages import cuttings
 from tests.designer.formats.test_flat_formats import Array, circles, content_of, dxf_of, flashes, gerbers_of, ring_of
 
 

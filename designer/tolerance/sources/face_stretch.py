@@ -3,8 +3,7 @@
 import numpy as np
 
 from designer.base.arrays import Array
-from designer.tolerance.pieces import face_middle_mm
-from designer.tolerance.shape import MadeShape
+from designer.tolerance.shape import MadeShape, face_middle_mm
 from designer.tolerance.source import ErrorSource
 
 

@@ -20,8 +20,7 @@ from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.builds.design import EXPORTERS, Design, make_files
 from designer.kinds.sizing import size_job
-from designer.make.cutting import CUT, ENGRAVE, LABEL
-from designer.make.pages import MARK_COLOUR
+from designer.make.pages import CUT, ENGRAVE, LABEL, MARK_COLOUR
 from designer.spec.build import Format
 from designer.spec.format import FORMATS
 from tests.support.designs import SMALL, asked_for, design_of, small

@@ -11,8 +11,8 @@ from designer.base.errors import InputError
 from designer.base.solid import Polyhedron, Solid
 from designer.kinds.cube import cube
 from designer.kinds.ico import icosahedron
-from designer.make.jig import PIT_MM, PLATE_MM, edge_jig, tile_press
 from designer.make.mesh import prism, solid_of
+from designer.make.stand import PIT_MM, PLATE_MM, edge_jig, tile_press
 from tests.support.designs import design_of
 
 DIHEDRAL_DEG = {"cube": 90.0, "ico": 138.1897, "tetra": 70.5288, "octa": 109.4712, "dodeca": 116.5651}

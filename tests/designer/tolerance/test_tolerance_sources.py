@@ -22,9 +22,8 @@ from designer.marks.circles import Circles
 from designer.spec.options import AskedPrinting
 from designer.target import TargetGeometry, target_from_json, target_of_marks, target_to_json
 from designer.tolerance.model import displaced, perturb
-from designer.tolerance.pieces import face_middle_mm, piece_count, piece_of_ring
 from designer.tolerance.prior import directions
-from designer.tolerance.shape import face_down
+from designer.tolerance.shape import face_down, face_middle_mm, piece_count, piece_of_ring
 from designer.tolerance.sources import SOURCES
 from tests.support.perturbed_targets import (
     BENDING,
