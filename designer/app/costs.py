@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass
 from designer.base.answer import Value, command_line
 from designer.base.codec import decode, encode
 from designer.base.errors import InputError
+from designer.base.words import counted
 from designer.builds.design import Design, apart, design_apart, maker_of
 from designer.kinds.sizing import size_job
 from designer.kinds.spec_file import parse_spec, replaced, spec_to_toml
@@ -166,17 +167,13 @@ def better_build(costs: Costs, name: str) -> tuple[Command, ...]:
 
 def cost_words(estimate: PrintEstimate) -> str:
     """The same of a sensible one: `3 h 20 min, 4 changes of filament, 120 g, 3.00 EUR`."""
-    changes = (f"{_changes(estimate.changes)} of filament",) * bool(estimate.changes)
+    changes = (f"{counted(estimate.changes, 'change')} of filament",) * bool(estimate.changes)
     return ", ".join((duration(estimate.time_s), *changes, grams(estimate.total_g), money(estimate)))
 
 
 def money(estimate: PrintEstimate) -> str:
     """`3.00 EUR`."""
     return f"{estimate.price:.2f} {estimate.filament.currency}"
-
-
-def _changes(count: int) -> str:
-    return f"{count} change{'s' * (count != 1)}"
 
 
 def cost_table(costs: Costs, printing: PrintSpec) -> Table:
@@ -220,17 +217,12 @@ def cost_fold(costs: Costs, printing: PrintSpec) -> Fold:
     start_s = sum(plate.start_s for plate in one.plates)
     parts = (("printing", one.time_s - one.changing_s - start_s), ("changing", one.changing_s), ("heating", start_s))
     times = ", ".join(f"{name} {duration(time_s)}" for name, time_s in parts if time_s)
-    facts = Facts((*_slots(one), ("time", times)))
-    table = (cost_table(costs, printing),) if costs.others else ()
-    return Fold(COSTS_TITLE, (*table, facts, Paragraph(_rests_on(printing))))
-
-
-def _slots(one: PrintEstimate) -> Iterator[tuple[str, str]]:
-    """What comes off each spool, of PLA of 1.75 mm."""
-    for slot, mass_g in (("body", one.body_g), ("ink", one.ink_g), ("purged", one.purge_g)):
+    facts, section_mm2 = [("time", times)], math.pi / 4 * DIAMETER_MM**2  # of filament of PLA
+    for slot, mass_g in (("purged", one.purge_g), ("ink", one.ink_g), ("body", one.body_g)):
         if mass_g:
-            length_m = mass_g / DENSITY_G_PER_CM3 / (math.pi / 4 * DIAMETER_MM**2)
-            yield slot, f"{grams(mass_g)}, {few_digits(length_m)} m"
+            facts.insert(0, (slot, f"{grams(mass_g)}, {few_digits(mass_g / DENSITY_G_PER_CM3 / section_mm2)} m"))
+    table = (cost_table(costs, printing),) if costs.others else ()
+    return Fold(COSTS_TITLE, (*table, Facts(tuple(facts)), Paragraph(_rests_on(printing))))
 
 
 def costs_summary(costs: Costs) -> Value:

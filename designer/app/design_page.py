@@ -110,7 +110,8 @@ def findings_of(check: PrintCheck) -> tuple[Leaf, ...]:
 def rule_blocks(check: PrintCheck, printing: PrintSpec) -> tuple[Leaf, ...]:
     """The rules that hold, and what they were held to."""
     rows = check.told().rows
-    notes = tuple(row for row in rows if row.level == "note" and not printing.is_two_filament)  # whose settings say it
+    is_told = printing.way.is_two_filament  # by the settings
+    notes = tuple(row for row in rows if row.level == "note" and not is_told)
     holding = [(row.title, row.measured, row.rule or row.text) for row in rows if row.level == "good"]
     table = text_table("", ("rule", "here", "limit"), holding)
     return (*((Findings(notes),) if notes else ()), *((table,) if holding else ()))
@@ -227,7 +228,7 @@ def _print_rows(design: Design) -> list[tuple[str, str]]:
         return [("sheet", f"{len(pages)} page{'s' * (len(pages) > 1)} of {width:.0f} x {height:.0f} mm")]
     size = " x ".join(f"{length:.1f}" for length in printed_size_mm(design.target, printing))
     rows = [] if design.target.is_plate and design.scale == 1 else [("on the bed", f"{size} mm")]
-    if printing.is_two_filament:
+    if printing.way.is_two_filament:
         offset = f", grown by {printing.ink_offset_mm:+g} mm a side" if printing.ink_offset_mm else ""
         level = {"flush": "deep", "raised": "high", "recessed": "deep, grooves"}[printing.way.ink]
         rows.append(("ink", f"{printing.inlay_mm:g} mm {level}{offset}"))

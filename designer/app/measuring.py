@@ -95,7 +95,7 @@ def caliper_lengths(design: Design) -> tuple[Caliper, ...]:
 
 def _solid_lengths(design: Design) -> tuple[Caliper, ...]:
     """All pairs of opposite faces; where no caliper reaches, sides of the topmost face or an edge too."""
-    target, is_printed = design.target, design.job.printing.is_two_filament
+    target, is_printed = design.target, design.job.printing.way.is_two_filament
     up, normals = bed_from_target(target, design.job.printing)[2, :3], target.target_from_face[:, :3, 2]
     is_in_parts = design.job.printing.way.is_in_parts
     rows = []
@@ -151,7 +151,7 @@ def skew_effect_mm(design: Design, skew_rad: float) -> float:
 def _plate_lengths(design: Design) -> tuple[Caliper, ...]:
     """Outer size, and the distances of the four rings in the corners."""
     target, corners = design.target, corner_rings(design.target)
-    is_printed = design.job.printing.is_two_filament  # else a hand or a shop cuts the plate
+    is_printed = design.job.printing.way.is_two_filament  # else a hand or a shop cuts the plate
     sides = (*np.ptp(target.outline_mm[0], axis=0).tolist(), design.job.target.depth_mm)
     rows = [
         Caliper(name, length, is_modelled=is_printed and name != "thickness", is_long=length > REACH_MM)
@@ -276,7 +276,7 @@ def _solid_hints(measuring: _Measuring) -> Steps:
 
 def _plate_hints(measuring: _Measuring) -> Steps:
     """How to lay the caliper on."""
-    is_printed = measuring.design.job.printing.is_two_filament
+    is_printed = measuring.design.job.printing.way.is_two_filament
     return Steps((
         "Cooled to the room." if is_printed else "On its carrier, as it will be used.",
         _ring_words(measuring),
@@ -330,7 +330,7 @@ def _solid_meaning(measuring: _Measuring) -> list[tuple[str, str]]:
 def _plate_meaning(measuring: _Measuring) -> list[tuple[str, str]]:
     design, example = measuring.design, measuring.example
     one_axis = "carriage or feed of the printer alone: calib measure tells it"
-    if design.job.printing.is_two_filament:
+    if design.job.printing.way.is_two_filament:
         one_axis = "one axis of the printer: calib measure tells it, the slicer's scale corrects it"
     size = f"size: 0.1 mm of {example.option} is {10 / example.length_mm:.2g} %. {_size_remedy(design)}"
     usual_deg = math.degrees(measuring.sigma("skew"))

@@ -71,7 +71,7 @@ class Design:
         spec, printing, scale = self.job.target, self.job.printing, self.scale
         if printing.way.ink == "raised":
             straight = raised(self.printed_pattern, printing.below_raised_mm(spec.depth_mm), printing.inlay_mm)
-        elif printing.is_two_filament:
+        elif printing.way.is_two_filament:
             straight = inlaid(self.printed_pattern, self._hull(printing.inlay_mm), printing.inlay_mm)
         elif spec.body is None:
             straight = Part(plain_plate(self.target.outline_mm[0], spec.depth_mm), None)

@@ -26,7 +26,7 @@ _LIFT = 5e-4
 def printed_scene(design: Design) -> Scene:
     """The target with what is written on it, in the target frame, at the design's size."""
     printing, pattern = design.job.printing, printed_ink(design)
-    scale = design.scale if printing.is_two_filament else 1.0
+    scale = design.scale if printing.way.is_two_filament else 1.0
     body, ink = printing.body_colour, printing.ink_colour
     lift = _LIFT * bounding_radius_mm(design.target)
     letters = (
@@ -35,14 +35,14 @@ def printed_scene(design: Design) -> Scene:
     )
     written = tuple(surface for surface in letters if surface is not None)
     more = (Layer("printed letters", written, has_switch=False),) if written else ()
-    ways = ("body", "ink") if printing.is_two_filament else ("ground", "print")
+    ways = ("body", "ink") if printing.way.is_two_filament else ("ground", "print")
     legend = tuple((colour, f"{way}, {colour_words(colour)}") for colour, way in zip((body, ink), ways, strict=True))
     return target_scene(design.target, body_colour=body, ink_colour=ink, legend=legend, more=more)
 
 
 def printed_ink(design: Design) -> Pattern:
     """The pattern as it is made: set into plastic, or on paper and sheet."""
-    return design.printed_pattern if design.job.printing.is_two_filament else design.artwork
+    return design.printed_pattern if design.job.printing.way.is_two_filament else design.artwork
 
 
 def _letters(

@@ -35,7 +35,7 @@ def plate_folds(design: Design) -> tuple[Fold, ...]:
     said = (
         "From above, in the order to print",
         "dashed rings lie on the bed" * (printing.ink_side == "down"),
-        "hatched: not to be printed on" * bool(printing.printer.excluded_mm),
+        "hatched: not to be printed on" * bool(printing.printer.machine.excluded_mm),
     )
     words = Paragraph(f"{'; '.join(filter(None, said))}.")
     others = f"{len(plain)} plate{'s' * (len(plain) > 1)} in one filament"
@@ -57,7 +57,7 @@ def plate_picture(design: Design, plate: Plate) -> Svg:
         f'<rect width="{width:g}" height="{depth:g}" fill="#f4f5f6" stroke="#8a9099" stroke-width="0.6"/>',
     ]
     edge = 'stroke="#d55e00" stroke-width="0.6"'
-    lines += [_box(area, depth, f'fill="url(#excluded)" {edge}') for area in printer.excluded_mm]
+    lines += [_box(area, depth, f'fill="url(#excluded)" {edge}') for area in printer.machine.excluded_mm]
     if plate.tower_area is not None:
         tower = plate.tower_area
         lines.append(_box(tower, depth, f'fill="none" {edge} stroke-dasharray="3 2"'))

@@ -14,7 +14,7 @@ from designer.formats.png import Thumbnails
 from designer.formats.project import MOST_PLATES
 from designer.make.assembly import Assembly, assemble, plates_of
 from designer.make.bed import Plate
-from designer.make.board_tiles import BoardInPieces, board_in_pieces, board_plates
+from designer.make.board_tiles import board_in_pieces, board_plates
 from designer.page.blocks import Section
 
 
@@ -24,7 +24,7 @@ class Tiles(Maker):
     def plates(self, design: Design) -> tuple[Plate, ...]:
         """What holds ink first, then core and post, or keys."""
         if design.job.target.solid is None:
-            return board_plates(board_of(design), design.job.printing)
+            return board_plates(board_in_pieces(design.target, design.job.printing), design.job.printing)
         return plates_of(assembly_of(design), design.job.printing)
 
     def sample_plates(self, design: Design) -> tuple[Plate, ...]:
@@ -38,7 +38,7 @@ class Tiles(Maker):
         """The mount, and how many plates."""
         inked = sum(plate.is_two_filament for plate in design.plates)
         if design.job.target.solid is None:
-            board, others = board_of(design), len(design.plates) - inked
+            board, others = board_in_pieces(design.target, design.job.printing), len(design.plates) - inked
             too_many = (
                 f"project: left out, there are {len(design.plates)} plates; slicers take {MOST_PLATES} in one file"
             )
@@ -58,7 +58,7 @@ class Tiles(Maker):
     def making(self, design: Design, files: Sequence[OutputFile]) -> Section:
         """From plates to a measured solid, or to a board."""
         if design.job.target.solid is None:
-            return jointing_section(design, board_of(design), files)
+            return jointing_section(design, board_in_pieces(design.target, design.job.printing), files)
         return assembling_section(design, assembly_of(design), files)
 
     def next_step(self, design: Design, stem: str) -> str:
@@ -81,11 +81,6 @@ def assembly_of(design: Design) -> Assembly:
     solid = design.job.target.solid
     assert solid is not None  # noqa: S101 - the build is for solids
     return assemble(design.target, solid, design.job.printing)
-
-
-def board_of(design: Design) -> BoardInPieces:
-    """The pieces of a board."""
-    return board_in_pieces(design.target, design.job.printing)
 
 
 MAKER = Tiles()

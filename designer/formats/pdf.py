@@ -21,16 +21,22 @@ def pdf_bytes(pages: tuple[SheetPage, ...]) -> bytes:
     exact. Viewers are asked to print without scaling.
     """
     buffer = io.BytesIO()
-    canvas = Canvas(buffer, invariant=True, pdfVersion=(1, 6))
-    canvas.setTitle(encodable(pages[0].title))
-    canvas.setCreator("ringsolid")
-    canvas.setViewerPreference("PrintScaling", "None")
+    canvas = true_size(buffer, pages[0].title)
     for page in pages:
         canvas.setPageSize((page.width_mm * POINTS_PER_MM, page.height_mm * POINTS_PER_MM))
         _draw(canvas, page)
         canvas.showPage()
     canvas.save()
     return buffer.getvalue()
+
+
+def true_size(buffer: io.BytesIO, title: str) -> Canvas:
+    """A document that viewers print without scaling."""
+    canvas = Canvas(buffer, invariant=True, pdfVersion=(1, 6))
+    canvas.setTitle(encodable(title))
+    canvas.setCreator("ringsolid")
+    canvas.setViewerPreference("PrintScaling", "None")
+    return canvas
 
 
 def _draw(canvas: Canvas, page: SheetPage) -> None:
@@ -41,7 +47,7 @@ def _draw(canvas: Canvas, page: SheetPage) -> None:
     canvas.setLineWidth(LINE_MM)
     canvas.setStrokeColor(CUT_COLOUR)
     for cut in page.drawing.cuts:
-        canvas.drawPath(line_of(canvas, cut))
+        canvas.drawPath(line_of(canvas.beginPath(), cut))
     canvas.setStrokeColor(MARK_COLOUR)
     for start, end in page.drawing.marks:
         canvas.line(*start, *end)
@@ -50,11 +56,10 @@ def _draw(canvas: Canvas, page: SheetPage) -> None:
         _write(canvas, text)
 
 
-def line_of(canvas: Canvas, cut: Polygon) -> PDFPathObject:
-    """A closed line."""
-    path = canvas.beginPath()
-    path.moveTo(*cut[0])
-    for point in cut[1:]:
+def line_of(path: PDFPathObject, polygon: Polygon) -> PDFPathObject:
+    """A path with one closed line more."""
+    path.moveTo(*polygon[0])
+    for point in polygon[1:]:
         path.lineTo(*point)
     path.close()
     return path
@@ -66,10 +71,7 @@ def fill_area(canvas: Canvas, area: Area, colour: str | Color) -> None:
     for circle in area.circles:
         path.circle(*circle.centre_mm, circle.radius_mm)
     for polygon in area.polygons:
-        path.moveTo(*polygon[0])
-        for point in polygon[1:]:
-            path.lineTo(*point)
-        path.close()
+        line_of(path, polygon)
     canvas.setFillColor(colour)
     canvas.drawPath(path, stroke=0, fill=1, fillMode=EVEN_ODD)
 

@@ -15,7 +15,7 @@ from PIL import Image
 from reportlab.lib.colors import CMYKColor, CMYKColorSep, Color
 from reportlab.pdfgen.canvas import Canvas
 
-from designer.formats.pdf import FONT, POINTS_PER_MM, encodable, fill_area, line_of
+from designer.formats.pdf import FONT, POINTS_PER_MM, encodable, fill_area, line_of, true_size
 from designer.kinds.layout import narrowest_widths
 from designer.make.pages import Drawing, Polygon, moved, polygon
 from designer.make.pattern import Pattern
@@ -72,10 +72,7 @@ def _ink(colour: str) -> Color:
 def _pdf(name: str, pattern: Pattern, ink_colour: str) -> bytes:
     """A page a face."""
     buffer = io.BytesIO()
-    canvas = Canvas(buffer, invariant=True, pdfVersion=(1, 6))
-    canvas.setTitle(encodable(name))
-    canvas.setCreator("ringsolid")
-    canvas.setViewerPreference("PrintScaling", "None")
+    canvas = true_size(buffer, name)
     colour = _ink(ink_colour)
     for face in pattern.faces:
         low, high = face.outline.min(axis=0), face.outline.max(axis=0)
@@ -107,7 +104,7 @@ def _draw_cut(canvas: Canvas, cut: Polygon) -> None:
     canvas.setStrokeColor(CUT_CONTOUR)
     canvas.setStrokeOverprint(True)
     canvas.setLineWidth(0.25 / POINTS_PER_MM)
-    canvas.drawPath(line_of(canvas, cut))
+    canvas.drawPath(line_of(canvas.beginPath(), cut))
     canvas.restoreState()
 
 

@@ -60,7 +60,7 @@ def nest(sides: int, inradius_mm: float, count: int, printer: PrinterProfile) ->
     """
     densest = _lattice(sides, inradius_mm, SPACINGS_MM[-1], printer)
     if not len(densest):
-        excluded = f"what it excludes ({printer.excluded_words}) and " if printer.excluded_mm else ""
+        excluded = f"what it excludes ({printer.excluded_words}) and " if printer.machine.excluded_mm else ""
         bed = " x ".join(f"{side:g}" for side in printer.bed_mm[:2])
         raise InputError(f"a tile does not fit a bed of {bed}mm beside {excluded}a prime tower")
     beds = math.ceil(count / len(densest))
@@ -89,7 +89,7 @@ def largest_inradius_mm(sides: int, printer: PrinterProfile) -> float:
 def _lattice(sides: int, inradius: float, spacing: float, printer: PrinterProfile) -> Array:
     """The densest of the tilings that are turned and shifted by steps: tiles inside, those in the middle first."""
     bed, cell = printer.bed_mm[:2], inradius + spacing / 2
-    taken = [np.array(area) + spacing / 2 * np.array([-1, -1, 1, 1]) for area in printer.excluded_mm]
+    taken = [np.array(area) + spacing / 2 * np.array([-1, -1, 1, 1]) for area in printer.machine.excluded_mm]
     taken.append(np.array([bed[0] - TOWER_MM, bed[1] - TOWER_MM, *bed]))
     cells = _cells(sides, cell, math.hypot(*bed))
     outline = regular_polygon(sides, inradius)

@@ -94,7 +94,7 @@ def printed_size_mm(target: TargetGeometry, printing: PrintSpec) -> tuple[float,
 def bed_words(printer: PrinterProfile) -> str:
     """`the bed of bambu-p1s has 256 x 256 x 256 mm, of which 18 x 28 mm in front left may not be printed on`."""
     room = " x ".join(f"{length:g}" for length in printer.bed_mm)
-    but = f", of which {printer.excluded_words} may not be printed on" if printer.excluded_mm else ""
+    but = f", of which {printer.excluded_words} may not be printed on" if printer.machine.excluded_mm else ""
     return f"the bed of {printer.name} has {room} mm{but}"
 
 

@@ -123,7 +123,10 @@ def board_in_pieces(target: TargetGeometry, printing: PrintSpec) -> BoardInPiece
     whole = inlaid(pattern, plate_hull(pattern, thickness, inlay), inlay)
     assert whole.ink is not None  # noqa: S101 - rings are ink
     key_top = depth - thickness
-    body, ink = solid_of(whole.body) - union(list(_pockets(seams, printer.clearance_mm, key_top))), solid_of(whole.ink)
+    body, ink = (
+        solid_of(whole.body) - union(list(_pockets(seams, printer.clearance_mm, key_top))),
+        solid_of(whole.ink),
+    )
     chamfer = min(CHAMFER_LAYERS * layer, (cuts.white_mm - printer.clearance_mm) / 2 - printer.line_width_mm)
     target_id = target.geometry_id[:ID_DIGITS].upper()
     pieces = []

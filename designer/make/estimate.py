@@ -97,6 +97,11 @@ class PrintEstimate:
         return sum(plate.changes for plate in self.plates)
 
     @property
+    def inked_layers(self) -> int:
+        """Layers that hold ink."""
+        return sum(plate.inked_layers for plate in self.plates)
+
+    @property
     def body_g(self) -> float:
         """In the print."""
         return _grams(sum(plate.body_mm3 for plate in self.plates))

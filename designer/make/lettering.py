@@ -74,7 +74,7 @@ def letter_faces(target: TargetGeometry, printing: PrintSpec, scale: float) -> L
         return Lettering(nothing, "labels: off")
     if printing.way.is_in_parts and target.is_plate:  # seams would cut them
         return Lettering(nothing, "labels: on the backs of the pieces")
-    finest = printing.printer.line_width_mm if printing.is_two_filament else PAPER_STROKE_MM
+    finest = printing.printer.line_width_mm if printing.way.is_two_filament else PAPER_STROKE_MM
     strips = [_strip(target, printing, finest, scale, face) for face in range(target.face_count)]
     narrowest = min(high - low for low, high in strips)
     stroke = min(narrowest / HEIGHT, MAX_STROKE_MM)

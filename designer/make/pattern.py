@@ -144,7 +144,7 @@ def _marks_ink(marks: FaceMarks, scale: float, offset: float) -> tuple[Contour, 
 def _check_size(stamps: tuple[Stamp, ...], stamp: Rows, printing: PrintSpec, more: int) -> None:
     """Keep meshes within what slicers load and memories hold."""
     points = more + sum(sum(len(contour) for contour in stamps[row].contours) for row in stamp.tolist())
-    if printing.is_two_filament and points > MAX_POINTS:
+    if printing.way.is_two_filament and points > MAX_POINTS:
         # The number of points falls with the root of the chord error.
         coarser = printing.chord_error_mm * (points / MAX_POINTS) ** 2
         raise InputError(

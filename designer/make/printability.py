@@ -17,7 +17,7 @@ from designer.page.blocks import Finding, Findings
 from designer.page.blocks import Level as PageLevel
 from designer.spec.build import BUILDS, builds_of
 from designer.spec.machine import BRIM_MM
-from designer.spec.spec import PrintSpec
+from designer.spec.spec import PAPER_LINE_MM, PrintSpec
 from designer.target import TargetGeometry
 
 Level = Literal["violation", "warning", "note"]
@@ -188,7 +188,9 @@ def _width(
         if math.isinf(width):
             return None
         of, better, title = (what, remedy, "") if target.marks is None else OF_MARKS.get(what, (what, remedy, ""))
-        least, line = printing.pattern_least_mm, printing.pattern_line_mm
+        least, line = PAPER_LINE_MM, PAPER_LINE_MM  # what can be made of ink and white, and the finest line
+        if printing.way.is_two_filament:
+            least, line = printing.printer.nozzle_mm, printing.printer.line_width_mm
         is_by_offset = width < least <= width_mm(widths, 0.0)
         mend = "use an ink offset nearer to 0 or a finer nozzle" if is_by_offset else better
         is_graded = target.spec is not None and target.spec.is_graded
@@ -217,7 +219,7 @@ def _border(target: TargetGeometry, printing: PrintSpec) -> RuleLook | None:
 
 
 def _inlay(target: TargetGeometry, printing: PrintSpec) -> RuleLook | None:
-    if not printing.is_two_filament:
+    if not printing.way.is_two_filament:
         return None
     said = tuple(_inlay_remarks(target, printing))
     return RuleLook(f"{printing.inlay_mm:g} mm", f"layers of {printing.printer.layer_height_mm:g} mm", said)
@@ -288,7 +290,7 @@ def _bed(target: TargetGeometry, printing: PrintSpec) -> RuleLook | None:
         said = (("note", f"{text}; print it without, or with a narrower one"),)
     lies = " x ".join(f"{round(length, 1 if length < 10 else 0):g}" for length in size)
     room = " x ".join(f"{length:g}" for length in printer.bed_mm)
-    but = f", without {printer.excluded_words}" if printer.excluded_mm else ""
+    but = f", without {printer.excluded_words}" if printer.machine.excluded_mm else ""
     return RuleLook(f"{lies} mm", f"of {room} mm{but}", said)
 
 

@@ -38,16 +38,23 @@ class FileFormat:
             return f"{name} is of a {' or a '.join(self.forms)}, and this is a {form}; use {self.instead}"
         if self.is_of_one_piece and printing.way.is_in_parts:
             return f"{name} is of one piece, and this build is in parts; use 3mf or stl"
-        if self.is_of_filaments and not printing.is_two_filament:
+        if self.is_of_filaments and not printing.way.is_two_filament:
             return f"{name} shows what is printed of plastic, and the rings of this build are on a sheet; use pdf"
         if self.is_flush and printing.way.ink != "flush":
             return f"{name} has ink in the body's face, and that of this build is {printing.way.ink}; use 3mf or stl"
-        if self.is_of_plates:
-            return _why_no_project(name, printing)
+        if self.is_of_plates and not printing.way.is_in_parts:
+            return f"{name} is of several plates, and this build lies on one; use 3mf"
+        if self.is_of_plates and printing.printer.presets is None:
+            printer, bed = printing.printer, "x".join(f"{side:g}" for side in printing.printer.bed_mm[:2])
+            return (
+                f"{name} names the slicers' presets, and none are known of {printer.name} with a "
+                f"{printer.nozzle_mm:g}mm nozzle and a bed of {bed}mm; open the plates one by one, or put "
+                "[machine.presets] into the printer's file"
+            )
         if self.has_true_circles and is_skewed:
             skew = format_skew(printing.skew_compensation_rad)
             return f"skew compensation '{skew}' shears meshes, not {name}; leave out the one or the other"
-        if self.is_flat and printing.is_two_filament and (is_skewed or is_scaled):
+        if self.is_flat and printing.way.is_two_filament and (is_skewed or is_scaled):
             what = "skew" if is_skewed else "shrink"
             return f"{name} is for flat stock, {what} compensation for printed plastic; leave out the one or the other"
         return ""
@@ -65,20 +72,6 @@ class FileFormat:
                 f"{name}: a board of {size_mm[0]:g} x {size_mm[1]:g}mm is larger than the usual {largest[0]:g} x "
                 f"{largest[1]:g}mm ({self.largest_of}); ask the maker, or use a smaller one"
             )
-
-
-def _why_no_project(name: str, printing: PrintSpec) -> str:
-    """Why there is none of several plates; "" if there is one."""
-    printer = printing.printer
-    if not printing.way.is_in_parts:
-        return f"{name} is of several plates, and this build lies on one; use 3mf"
-    if printer.presets is None:
-        bed = "x".join(f"{side:g}" for side in printer.bed_mm[:2])
-        return (
-            f"{name} names the slicers' presets, and none are known of {printer.name} with a {printer.nozzle_mm:g}mm "
-            f"nozzle and a bed of {bed}mm; open the plates one by one, or put [machine.presets] into the printer's file"
-        )
-    return ""
 
 
 _GERBER = FileFormat(
@@ -143,7 +136,7 @@ def choose_formats(
         InputError: it is not.
     """
     wanted, remarks = {*usual, *asked}, []
-    if "3mf" in wanted and not printing.is_two_filament:
+    if "3mf" in wanted and not printing.way.is_two_filament:
         wanted.remove("3mf")
         remarks.append("3mf: left out, this build is in one filament; print the STL")
     reasons = {name: FORMATS[name].why_not(form, printing) for name in FORMATS}

@@ -158,14 +158,9 @@ class PrinterProfile:
         return presets if fits else None
 
     @property
-    def excluded_mm(self) -> tuple[Area, ...]:
-        """Where nothing may be printed."""
-        return self.machine.excluded_mm
-
-    @property
     def excluded_words(self) -> str:
         """`18 x 28 mm in front left`; "" of a bed that is free everywhere."""
-        return " and ".join(self._area_words(*area) for area in self.excluded_mm)
+        return " and ".join(self._area_words(*area) for area in self.machine.excluded_mm)
 
     def _area_words(self, left: float, front: float, right: float, rear: float) -> str:
         size = f"{right - left:g} x {rear - front:g} mm"
@@ -183,7 +178,7 @@ class PrinterProfile:
         """
         width, depth, _ = self.bed_mm
         rooms: list[Area] = [(strip_mm[0] + free_mm, strip_mm[1] + free_mm, width - free_mm, depth - free_mm)]
-        for left, front, right, rear in self.excluded_mm:
+        for left, front, right, rear in self.machine.excluded_mm:
             taken = (left - free_mm, front - free_mm, right + free_mm, rear + free_mm)
             rooms = [part for room in rooms for part in beside(room, taken)]
         return tuple(rooms) or ((0.0, 0.0, 0.0, 0.0),)
@@ -240,11 +235,6 @@ class PrintSpec:
         """What the build is like."""
         return BUILDS[self.build]
 
-    @property
-    def is_two_filament(self) -> bool:
-        """Whether the printer makes the pattern."""
-        return self.way.is_two_filament
-
     def below_raised_mm(self, depth_mm: float) -> float:
         """Of a plate so deep in all, what lies below raised ink: whole layers, for the filament changes between two."""
         layer, scale = self.printer.layer_height_mm, 1 + self.shrink_compensation_percent / 100
@@ -254,16 +244,6 @@ class PrintSpec:
     def filament_colours(self) -> tuple[str, ...]:
         """Of what the printer has loaded at a time: body, then ink."""
         return (self.body_colour, self.ink_colour) if self.way.loads_two else (self.body_colour,)
-
-    @property
-    def pattern_line_mm(self) -> float:
-        """The finest line of the process that makes the pattern."""
-        return self.printer.line_width_mm if self.is_two_filament else PAPER_LINE_MM
-
-    @property
-    def pattern_least_mm(self) -> float:
-        """The least width of ink or white that this process can make."""
-        return self.printer.nozzle_mm if self.is_two_filament else PAPER_LINE_MM
 
 
 @dataclass(frozen=True)

@@ -110,7 +110,7 @@ def _sliced(command: str, design: Design) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
         model, ini, gcode = (Path(folder) / name for name in ("model.3mf", "settings.ini", "model.gcode"))
         settings = dict(machine_settings(printer))
-        if job.printing.is_two_filament:
+        if job.printing.way.is_two_filament:
             model.write_bytes(packages_of(design).prusa)
         else:
             model = model.with_suffix(".stl")

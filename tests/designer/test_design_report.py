@@ -66,7 +66,7 @@ from designer.page.blocks import (
 from designer.page.page_file import PAGE_FILE
 from designer.page.scene import Rings, Surface
 from designer.spec.options import Asked
-from designer.spec.spec import Price
+from designer.spec.spec import PAPER_LINE_MM, Price
 from designer.target import bounding_radius_mm
 from designer.target_scene import polygon_area_mm2
 from tests.support.browser import open_page, overflow_px, unresolved
@@ -387,7 +387,8 @@ def test_every_rule_that_applies_is_shown_once(build: str) -> None:
     design, check, _ = made(build)
     shown = check.told().rows
     assert len(shown) == len({finding.rule for finding in check.findings} | set(check.holding))
-    good_mm = 2 * design.job.printing.pattern_line_mm
+    printing = design.job.printing
+    good_mm = 2 * (printing.printer.line_width_mm if printing.way.is_two_filament else PAPER_LINE_MM)
     for rule in {"stroke", "centre", "gap", "margin", "border"} & check.looks.keys():
         width_mm = float(check.looks[rule].measured.removesuffix(" mm"))
         if rule in check.holding:
@@ -417,7 +418,7 @@ def test_scene_shows_what_is_printed(build: str) -> None:
     assert isinstance(view, View3d)
     shapes = [shape for layer in view.scene.layers for shape in layer.shapes]
     assert sum(len(shape.center_mm) for shape in shapes if isinstance(shape, Rings)) == design.target.ring_count
-    two_filament = design.job.printing.is_two_filament
+    two_filament = design.job.printing.way.is_two_filament
     pattern = design.printed_pattern if two_filament else design.artwork
     letters = [contour for face in pattern.faces for contour in (*face.dark_text, *face.light_text)]
     printed_mm2 = sum(abs(polygon_area_mm2(contour)) for contour in letters)

@@ -136,7 +136,7 @@ def test_towers_stand_on_the_bed_clear_of_the_parts(printer: str, build: str) ->
     depth = purge / (width * profile.layer_height_mm)
     tower = box(x - brim, y - brim, x + width + brim, y + depth + brim)
     assert box(0, 0, *profile.bed_mm[:2]).contains(tower)
-    for excluded in profile.excluded_mm:
+    for excluded in profile.machine.excluded_mm:
         assert not box(*excluded).intersects(tower)
     for piece in plate.pieces:
         assert not MultiPoint(piece.as_it_lies.body.vertices_mm[:, :2]).convex_hull.intersects(tower)
