@@ -500,8 +500,13 @@ def target_of_marks(
     )
 
 
+def corners_mm(target: TargetGeometry) -> Array:
+    """Corners of the faces' outlines in the target's frame.  # (F, K, 3)"""
+    frame = target.target_from_face
+    placed: Array = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm)
+    return placed + frame[:, None, :3, 3]
+
+
 def bounding_radius_mm(target: TargetGeometry) -> float:
     """Largest distance of an outline corner from the target's origin."""
-    frame = target.target_from_face
-    corners = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm) + frame[:, None, :3, 3]
-    return math.sqrt(float((corners**2).sum(axis=2).max()))
+    return math.sqrt(float((corners_mm(target) ** 2).sum(axis=2).max()))

@@ -7,8 +7,8 @@ import numpy as np
 
 from calib.detector.grid import Lattice, lattice_of
 from designer.base.arrays import Array, Flags, Rows
-from designer.kinds.layout import corners_mm, true_corners
-from designer.target import TargetGeometry
+from designer.kinds.layout import true_corners
+from designer.target import TargetGeometry, corners_mm
 
 ALIKE = 0.25
 """How far features of faces that are alike may lie apart, as a share of the pitch."""

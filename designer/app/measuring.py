@@ -214,7 +214,13 @@ def measure_blocks(design: Design) -> tuple[Block, ...]:
     """The lengths, what a deviation means, and the commands that use them."""
     measuring = _Measuring(design)
     is_plate = design.target.is_plate
-    hints = _plate_hints(measuring) if is_plate else _solid_hints(measuring)
+    hints = _solid_hints(measuring)
+    if is_plate:
+        hints = Steps((
+            "Cooled to the room." if design.job.printing.way.is_two_filament else "On its carrier, as it will be used.",
+            _ring_words(measuring),
+            "Width, height at both ends and the middle; thickness at the corners.",
+        ))  # fmt: skip
     told = [(name, capital(why)) for name, why in (_plate_meaning if is_plate else _solid_meaning)(measuring)]
     deviations = Fold("Deviations", (text_table("", ("found", "means"), told),))
     return (_length_table(measuring), hints, deviations, *_commands(measuring))
@@ -271,16 +277,6 @@ def _solid_hints(measuring: _Measuring) -> Steps:
         *reach,
         f"Jaws flat on the middles of opposite faces{between}; turn for the least reading; corners are rounded.",
         "As many pairs as you can: their mean is the size, their differences the shape.",
-    ))  # fmt: skip
-
-
-def _plate_hints(measuring: _Measuring) -> Steps:
-    """How to lay the caliper on."""
-    is_printed = measuring.design.job.printing.way.is_two_filament
-    return Steps((
-        "Cooled to the room." if is_printed else "On its carrier, as it will be used.",
-        _ring_words(measuring),
-        "Width, height at both ends and the middle; thickness at the corners.",
     ))  # fmt: skip
 
 

@@ -238,7 +238,9 @@ def run(app: typer.Typer) -> None:
     and nothing else.
     """
     forgive_readers()
-    _search_seldom_for_cycles()
+    # Seldom while the command runs, and not at all when the process ends, which took a sixth of a short command.
+    gc.set_threshold(OBJECTS_BETWEEN_SEARCHES)
+    atexit.register(_leave)
     if not sys.warnoptions:  # what NumPy says of a number that a line refuses
         warnings.simplefilter("ignore", RuntimeWarning)
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else all installed packages are asked for some
@@ -249,7 +251,8 @@ def run(app: typer.Typer) -> None:
     )  # of cameras' and clusters' addresses
     before = LINE.set(line)
     try:
-        if not _asks_for_json(words):
+        # Told from the words, so that a line that cannot be understood is answered in JSON too.
+        if JSON not in (words[: words.index("--")] if "--" in words else words):
             summary, _ = _carried_out(app, name, words)
         else:
             with people_on_stderr():
@@ -264,12 +267,6 @@ def run(app: typer.Typer) -> None:
     sys.exit(summary.exit_code)
 
 
-def _search_seldom_for_cycles() -> None:
-    """Seldom while the command runs, and not at all when the process ends, which took a sixth of a short command."""
-    gc.set_threshold(OBJECTS_BETWEEN_SEARCHES)
-    atexit.register(_leave)
-
-
 def _leave() -> None:
     """Without a search, but where booleans were used: their library writes about each solid that is left in a cycle.
 
@@ -280,11 +277,6 @@ def _leave() -> None:
     if "manifold3d" in sys.modules:
         gc.collect()
     gc.freeze()
-
-
-def _asks_for_json(words: Sequence[str]) -> bool:
-    """Told from the words, so that a line that cannot be understood is answered in JSON too."""
-    return JSON in (words[: words.index("--")] if "--" in words else words)
 
 
 def _carried_out(app: typer.Typer, name: str, words: Sequence[str]) -> tuple[Summary, str | None]:

@@ -85,17 +85,8 @@ def _header(cutting: Cutting) -> Iterator[Pair]:
 
 def _layers() -> Iterator[Pair]:
     yield from ((0, "SECTION"), (2, "TABLES"), (0, "TABLE"), (2, "LTYPE"), (70, 1))
-    yield from (
-        (0, "LTYPE"),
-        (2, "CONTINUOUS"),
-        (70, 0),
-        (3, "Solid line"),
-        (72, 65),
-        (73, 0),
-        (40, 0.0),
-        (0, "ENDTAB"),
-    )
-    yield from ((0, "TABLE"), (2, "LAYER"), (70, len(COLOURS)))
+    yield from ((0, "LTYPE"), (2, "CONTINUOUS"), (70, 0), (3, "Solid line"), (72, 65), (73, 0), (40, 0.0))
+    yield from ((0, "ENDTAB"), (0, "TABLE"), (2, "LAYER"), (70, len(COLOURS)))
     for name, colour in COLOURS.items():
         yield from ((0, "LAYER"), (2, name), (70, 0), (62, colour), (6, "CONTINUOUS"))
     yield from ((0, "ENDTAB"), (0, "ENDSEC"))

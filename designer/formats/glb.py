@@ -109,13 +109,8 @@ def _glb(surfaces: Sequence[_Surface]) -> bytes:
         "bufferViews": views,
         "buffers": [{"byteLength": len(binary)}],
     }
-    return _container(json.dumps(document, separators=(",", ":")).encode("ascii"), bytes(binary))
-
-
-def _container(document: bytes, binary: bytes) -> bytes:
-    """The GLB container: a header and two chunks, each padded to four bytes."""
-    document += b" " * (-len(document) % 4)
-    size = 12 + 8 + len(document) + 8 + len(binary)
-    header = struct.pack("<III", _MAGIC, _VERSION, size)
-    chunks = ((_JSON_CHUNK, document), (_BINARY_CHUNK, binary))
+    # The GLB container: a header and two chunks, each padded to four bytes.
+    text = json.dumps(document, separators=(",", ":")).encode("ascii")
+    chunks = ((_JSON_CHUNK, text + b" " * (-len(text) % 4)), (_BINARY_CHUNK, bytes(binary)))
+    header = struct.pack("<III", _MAGIC, _VERSION, 12 + sum(8 + len(content) for _, content in chunks))
     return header + b"".join(struct.pack("<II", len(content), kind) + content for kind, content in chunks)

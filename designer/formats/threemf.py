@@ -266,11 +266,10 @@ def _bambu_part(name: str, number: int, filament: int) -> str:
 
 
 def _colours(printing: PrintSpec) -> str:
-    return _colour_group(_BODY_COLOUR, printing.body_colour) + _colour_group(_INK_COLOUR, printing.ink_colour)
-
-
-def _colour_group(number: int, colour: str) -> str:
-    return f'  <m:colorgroup id="{number}">\n   <m:color color={quoted(colour.upper())}/>\n  </m:colorgroup>\n'
+    return "".join(
+        f'  <m:colorgroup id="{number}">\n   <m:color color={quoted(colour.upper())}/>\n  </m:colorgroup>\n'
+        for number, colour in ((_BODY_COLOUR, printing.body_colour), (_INK_COLOUR, printing.ink_colour))
+    )
 
 
 def quoted(text: str) -> str:

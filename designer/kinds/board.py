@@ -99,25 +99,31 @@ class BoardSpec(Spec):
         raw = board_index(self.columns, self.rows, self.lattice)
         position = np.array(raw) @ steps
         origin = _origin_index(raw, position, BOARD_DOTS)
-        dots, frames = [BOARD_DOTS if self.dots else frozenset()], [np.eye(4)]
+        dots, (frames, outline) = [BOARD_DOTS if self.dots else frozenset()], self.sides
         if self.two_sided:
             i, j = _origin_index(raw, position, BACK_DOTS)
             dots.append(frozenset((i - origin[0] + k, j - origin[1] + m) for k, m in BACK_DOTS))
-            frames.append(np.diag([-1.0, 1.0, -1.0, 1.0]))
-            frames[1][2, 3] = -self.thickness_mm
-        width, height = self.size_mm
-        outline = 0.5 * np.array([[-width, -height], [width, -height], [width, height], [-width, height]])
         return same_on_all_faces(
             self,
             index=[(i - origin[0], j - origin[1]) for i, j in raw],
             in_face_mm=position - 0.5 * (position.min(axis=0) + position.max(axis=0)),
             dots=dots,
-            target_from_face=np.stack(frames),
+            target_from_face=frames,
             outline_mm=outline,
             window_mm=outline - np.sign(outline) * self.border_mm,
             face_code=[-1] * len(frames),
             lattice_mm=steps,
         )
+
+    @property
+    def sides(self) -> "tuple[Array, Array]":
+        """Frames of the front and, if there is one, the back, and the outline of each.  # (F, 4, 4), (4, 2)"""
+        import numpy as np
+
+        frames, (width, height) = np.stack([np.eye(4), np.diag([-1.0, 1.0, -1.0, 1.0])]), self.size_mm
+        frames[1, 2, 3] = -self.thickness_mm
+        outline = 0.5 * np.array([[-width, -height], [width, -height], [width, height], [-width, height]])
+        return frames[: 2 if self.two_sided else 1], outline
 
     @property
     def depth_mm(self) -> float:
@@ -198,16 +204,10 @@ class MarkedBoardSpec(BoardSpec):
 
         from designer.target import target_of_marks
 
-        front = self.face_marks
-        faces, frames = [front], [np.eye(4)]
-        if self.two_sided and front.following is not None:
-            faces.append(front.following)
-            frames.append(np.diag([-1.0, 1.0, -1.0, 1.0]))
-            frames[1][2, 3] = -self.thickness_mm
-        width, height = self.size_mm
-        outline = 0.5 * np.array([[-width, -height], [width, -height], [width, height], [-width, height]])
+        front, (frames, outline) = self.face_marks, self.sides
+        faces = [front, *([front.following] if self.two_sided and front.following is not None else [])]
         around = np.tile(outline, (len(faces), 1, 1))
-        return replace(target_of_marks(faces, np.stack(frames)), spec=self, outline_mm=around, window_mm=around)
+        return replace(target_of_marks(faces, frames[: len(faces)]), spec=self, outline_mm=around, window_mm=around)
 
     @property
     def words(self) -> str:

@@ -10,7 +10,7 @@ from designer.base.codes import Index
 from designer.base.solid import INLAY_SHARE, area_of, plane_of
 from designer.spec.build import BUILDS
 from designer.spec.spec import PrintSpec, Spec
-from designer.target import PARALLEL, TargetGeometry, bounding_radius_mm
+from designer.target import PARALLEL, TargetGeometry, bounding_radius_mm, corners_mm
 
 DECIMALS = 9
 """Coordinates are rounded to a picometre, so that processors whose sine differs in the last bit agree on ids."""
@@ -62,13 +62,6 @@ def same_on_all_faces(
         face_code=np.array(face_code),
         lattice_mm=on_every_face(lattice_mm),
     )
-
-
-def corners_mm(target: TargetGeometry) -> Array:
-    """Corners of the faces' outlines in the target's frame.  # (F, K, 3)"""
-    frame = target.target_from_face
-    placed: Array = np.einsum("fij,fkj->fki", frame[:, :3, :2], target.outline_mm)
-    return placed + frame[:, None, :3, 3]
 
 
 def true_corners(outline_mm: Array) -> Rows:

@@ -21,11 +21,11 @@ from manifold3d import CrossSection
 from designer.base.arrays import Array
 from designer.base.units import NO_SKEW, skew_matrix
 from designer.kinds.board_cuts import strip_mm
-from designer.kinds.layout import corners_mm, face_down, is_turned, lip_of
+from designer.kinds.layout import face_down, is_turned, lip_of
 from designer.make.mesh import Part
 from designer.spec.machine import BRIM_MM, TOWER_DEPTH_MM, Area
 from designer.spec.spec import PrinterProfile, PrintSpec, beside
-from designer.target import TargetGeometry
+from designer.target import TargetGeometry, corners_mm
 
 _ALIKE = 1e-6
 """Normals differ by more."""

@@ -12,7 +12,7 @@ from designer.base.words import printable
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from designer.page.blocks import Facts, Finding, Headline, Level, Page, Table
+    from designer.page.blocks import Finding, Level, Page, Table
 
 WIDE = 240
 """Columns where there is no terminal: nobody's window is narrow, so a row is a line."""
@@ -46,21 +46,6 @@ def table_console() -> "Console":
     from rich.console import Console
 
     return Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else WIDE)
-
-
-def say_headline(headline: "Headline") -> None:
-    """The answer."""
-    from rich.text import Text
-
-    line = Text(f"{printable(headline.word)}: ", f"bold {MARKS[headline.level][1]}")
-    table_console().print(line.append(printable(headline.sentence), "default not bold"))
-
-
-def say_facts(facts: "Facts") -> None:
-    """Names and their values, a line each, one below the other."""
-    width = max((len(name) for name, _ in facts.rows), default=0)
-    for name, value in facts.rows:
-        say_line(name.ljust(width), value)
 
 
 def say_findings(findings: "Iterable[Finding]") -> None:
@@ -102,10 +87,13 @@ def say_written(folder: Path, files: Sequence[Path]) -> None:
 
 
 def say_table(table: "Table") -> None:
-    """A table as the page has it, without columns that are empty."""
+    """A table as the page has it, without columns that are empty; of very many rows those that need a look."""
     from rich.table import Table as Grid
     from rich.text import Text
 
+    if len(table.rows) > MOST_ROWS:
+        rows = [row for row in table.rows if row[0].level is not None][:MOST_ROWS]
+        table = replace(table, rows=tuple(rows), note=f"{len(table.rows) - len(rows)} more are like most")
     title = Text(printable(table.title)) if table.title else None
     grid = Grid(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0))
     filled = [at for at in range(len(table.columns)) if any(row[at].text for row in table.rows)]
@@ -121,14 +109,6 @@ def say_table(table: "Table") -> None:
     print()
 
 
-def few_rows(table: "Table") -> "Table":
-    """A table that fits a screen: of very many rows those that need a look."""
-    if len(table.rows) <= MOST_ROWS:
-        return table
-    rows = [row for row in table.rows if row[0].level is not None][:MOST_ROWS]
-    return replace(table, rows=tuple(rows), note=f"{len(table.rows) - len(rows)} more are like most")
-
-
 def say_page(page: "Page", *, verbose: bool) -> None:
     """What a person is told before a page is opened: the answer, the facts, what to know of them, and what would help.
 
@@ -136,17 +116,22 @@ def say_page(page: "Page", *, verbose: bool) -> None:
         page: all of it.
         verbose: with the tables, and with what was checked and found good.
     """
+    from rich.text import Text
+
     from designer.page.blocks import Facts, Findings, Fold, Gallery, Steps, Table
 
-    if page.headline is not None:
-        say_headline(page.headline)
+    if (answer := page.headline) is not None:
+        word = Text(f"{printable(answer.word)}: ", f"bold {MARKS[answer.level][1]}")
+        table_console().print(word.append(printable(answer.sentence), "default not bold"))
     inside = [block for section in page.sections for block in section.blocks]
     blocks = [
         leaf for block in (*page.lead, *inside) for leaf in (block.blocks if isinstance(block, Fold) else (block,))
     ]
     for block in blocks:
         if isinstance(block, Facts) and block in page.lead:
-            say_facts(block)
+            width = max((len(name) for name, _ in block.rows), default=0)
+            for name, value in block.rows:
+                say_line(name.ljust(width), value)
     for block in blocks:
         if isinstance(block, Findings):
             say_findings(one for one in block.rows if verbose or (one.level != "good" and one.text))
@@ -155,4 +140,4 @@ def say_page(page: "Page", *, verbose: bool) -> None:
         elif isinstance(block, Gallery) and block.said_as:
             say_lines(block.said_as, [f"{number:2d}. {one.caption}" for number, one in enumerate(block.pictures, 1)])
         elif isinstance(block, Table) and verbose:
-            say_table(few_rows(block))
+            say_table(block)
