@@ -78,18 +78,14 @@ class Costs:
         return min(fewer, key=lambda way: (len(way.faults), not way.has_printed_ink, way.estimate.time_s), default=None)
 
 
-@dataclass(frozen=True)
-class OtherBuilds:
-    """What the other builds of a target take."""
+OtherBuilds = tuple[BuildCosts, ...]
 
-    builds: tuple[BuildCosts, ...]
 
-    @classmethod
-    def of(cls, design: Design) -> "OtherBuilds":
-        """Those that there can be, but grooves to paint: they are as slow to estimate as all others together."""
-        among, own = builds_of(design.job.target.form), design.job.printing.build
-        names = (name for name in among if name != own and BUILDS[name].ink != "recessed")
-        return cls(tuple(way for name in names if (way := _otherwise(design, name)) is not None))
+def _other_builds(design: Design) -> OtherBuilds:
+    """Those that there can be, but grooves to paint: they are as slow to estimate as all others together."""
+    among, own = builds_of(design.job.target.form), design.job.printing.build
+    names = (name for name in among if name != own and BUILDS[name].ink != "recessed")
+    return tuple(way for name in names if (way := _otherwise(design, name)) is not None)
 
 
 def costs_of(design: Design) -> Costs:
@@ -98,13 +94,12 @@ def costs_of(design: Design) -> Costs:
     told = apart("designer.app.costs:write_others", design.job) if is_beside else lambda: None
     printing = design.job.printing
     own, written = BuildCosts(printing.build, printing.way.has_printed_ink, design.estimate), told()
-    others = OtherBuilds.of(design) if written is None else decode(OtherBuilds, json.loads(written))
-    return Costs(own, others.builds)
+    return Costs(own, _other_builds(design) if written is None else decode(OtherBuilds, json.loads(written)))
 
 
 def write_others() -> None:
     """What the process beside a command runs."""
-    sys.stdout.write(json.dumps(encode(OtherBuilds, OtherBuilds.of(design_apart()))))
+    sys.stdout.write(json.dumps(encode(OtherBuilds, _other_builds(design_apart()))))
 
 
 def _otherwise(design: Design, build: str) -> BuildCosts | None:

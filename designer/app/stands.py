@@ -14,10 +14,10 @@ from designer.builds.pictures import printed_scene
 from designer.kinds.presets import preset_names
 from designer.make.bed import Piece, Plate, bed_words
 from designer.make.estimate import duration, estimate, grams
-from designer.make.mesh import Mesh, Part
+from designer.make.mesh import Part
 from designer.make.stand import make_stand, stand_from_target
 from designer.page.blocks import Cell, Column, Command, Facts, Paragraph, Section, Steps, Table, View3d
-from designer.page.scene import Layer, Scene, Surface
+from designer.page.scene import Layer, Surface
 from designer.spec.spec import Job
 
 STAND_COLOUR = "#9aa1a9"
@@ -45,30 +45,25 @@ def stand_section(design: Design) -> Section:
     is_wide = all(printer.place_mm(size) is None for size in ((width, depth), (depth, width)))
     if is_wide or height > printer.bed_mm[2]:
         rows.append(("bed", f"it does not fit: {bed_words(printer)}; print it on another"))
+    # The printed target and its stand, at the design's size, in the target frame; the stand's z is up.
+    motion, printed = stand_from_target(design.target), printed_scene(design)
+    in_target_mm = (stand.vertices_mm / design.scale - motion[:3, 3]) @ motion[:3, :3]
+    surface = Surface(in_target_mm, stand.triangles.astype(np.int64), STAND_COLOUR)
+    up, seen_from = (motion[:3, :3].T @ axis for axis in np.array([[0.0, 0.0, 1.0], [1.0, -1.0, 0.35]]))
     view = View3d(
         "The target on its stand",
-        _scene(design, stand),
+        replace(
+            printed,
+            layers=(*printed.layers, Layer("stand", (surface,))),
+            up=tuple(up.tolist()),
+            from_direction=tuple(seen_from.tolist()),
+            legend=(*printed.legend, (STAND_COLOUR, "stand")),
+        ),
         "The target standing on its stand, no ring covered.",
         caption="As it stands on the table.",
     )
     lead = f"{job.name}.stand.stl, of one filament, any colour; estimated like the target, and not in its figures."
     return Section("The stand", (view, Facts(tuple(rows))), lead)
-
-
-def _scene(design: Design, stand: Mesh) -> Scene:
-    """The printed target and its stand, at the design's size, in the target frame; the stand's z is up."""
-    motion = stand_from_target(design.target)
-    in_target_mm = (stand.vertices_mm / design.scale - motion[:3, 3]) @ motion[:3, :3]
-    surface = Surface(in_target_mm, stand.triangles.astype(np.int64), STAND_COLOUR)
-    printed = printed_scene(design)
-    up, seen_from = (motion[:3, :3].T @ axis for axis in np.array([[0.0, 0.0, 1.0], [1.0, -1.0, 0.35]]))
-    return replace(
-        printed,
-        layers=(*printed.layers, Layer("stand", (surface,))),
-        up=tuple(up.tolist()),
-        from_direction=tuple(seen_from.tolist()),
-        legend=(*printed.legend, (STAND_COLOUR, "stand")),
-    )
 
 
 PICTURE, SCAN, PRINTER_FILE = "coupon.jpg", "scan.png", "my-printer.toml"

@@ -257,7 +257,9 @@ def _decode(hint: object, value: JsonValue, place: str, sizes: dict[str, int]) -
     if origin in (Union, types.UnionType):
         return _decode_union(inner, value, place, sizes)
     if origin is Literal:
-        decoded = _decode_literal(inner, value, place)
+        if not any(type(value) is type(one) and value == one for one in inner):
+            raise _refuse(place, value, f"must be {' or '.join(map(repr, inner))}")
+        decoded = value
     elif base in _SCALARS:
         decoded = _SCALARS[base](value, place)
     elif origin is tuple:
@@ -325,12 +327,6 @@ def _decode_union(inner: tuple[object, ...], value: JsonValue, place: str, sizes
         if needed <= given <= set(_keys(kind)):
             return _decode(kind, value, place, sizes)
     raise _refuse(place, value, f"must be one of {', '.join(kind.__name__ for kind in kinds)}")
-
-
-def _decode_literal(inner: tuple[object, ...], value: JsonValue, place: str) -> object:
-    if not any(type(value) is type(one) and value == one for one in inner):
-        raise _refuse(place, value, f"must be {' or '.join(map(repr, inner))}")
-    return value
 
 
 def _decode_scalar(kind: type, words: str, value: JsonValue, place: str) -> object:

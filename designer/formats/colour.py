@@ -14,17 +14,8 @@ import numpy as np
 from PIL import ImageColor
 
 from designer.base.arrays import Array
-from designer.formats.threemf import (
-    Characters,
-    build_item,
-    decimals,
-    package,
-    quoted,
-    text_lines,
-    whole_numbers,
-    zipped,
-)
-from designer.make.mesh import ColouredMesh, Ids
+from designer.formats.threemf import TRIANGLE, build_item, package, quoted, triangle_lines, vertex_lines, zipped
+from designer.make.mesh import ColouredMesh
 from designer.spec.spec import PrintSpec
 
 _MM = "millimetres, in the target's frame"
@@ -64,32 +55,16 @@ def _shares(colour: str) -> str:
     return " ".join(f"{value / 255:.6g}" for value in _rgb(colour))
 
 
-def _places(mesh: ColouredMesh, *around: bytes) -> bytes:
-    """A line a vertex: text before x, y and z, and after them."""
-    x, y, z = (decimals(column, 5) for column in mesh.surface.vertices_mm.T)
-    return text_lines(around[0], x, around[1], y, around[2], z, around[3])
-
-
-def _corners(triangles: Ids, *around: bytes, first: int = 0) -> bytes:
-    """A line a triangle: text before the numbers of its corners, which count from `first`, and after them."""
-    if not len(triangles):
-        return b""
-    number = whole_numbers(np.arange(first, first + 1 + triangles.max()))
-    numbers: list[Characters] = [number[corner] for corner in triangles.T]
-    return text_lines(around[0], numbers[0], around[1], numbers[1], around[2], numbers[2], around[3])
-
-
 def _threemf(name: str, mesh: ColouredMesh, colours: dict[str, str], bed_from_target: Array) -> tuple[str | bytes, ...]:
     bases = "".join(
         f'   <base name="{each}" displaycolor={quoted(colour.upper())}/>\n' for each, colour in colours.items()
     )
-    corner = (b'<triangle v1="', b'" v2="', b'" v3="')
     return (
         f'<?xml version="1.0" encoding="UTF-8"?>\n<model unit="millimeter" xml:lang="en-US" xmlns="{_CORE}">\n',
         f' <resources>\n  <basematerials id="1">\n{bases}  </basematerials>\n',
         f'  <object id="2" type="model" name={quoted(name)} pid="1" pindex="0">\n   <mesh>\n    <vertices>\n',
-        _places(mesh, b'<vertex x="', b'" y="', b'" z="', b'"/>\n'), "    </vertices>\n    <triangles>\n",
-        _corners(mesh.body, *corner, b'"/>\n'), _corners(mesh.ink, *corner, b'" pid="1" p1="1"/>\n'),
+        vertex_lines(mesh.surface), "    </vertices>\n    <triangles>\n",
+        triangle_lines(mesh.body), triangle_lines(mesh.ink, (*TRIANGLE[:3], b'" pid="1" p1="1"/>\n')),
         "    </triangles>\n   </mesh>\n  </object>\n </resources>\n",
         f" <build>\n{build_item(2, bed_from_target)} </build>\n</model>\n",
     )  # fmt: skip
@@ -119,8 +94,8 @@ def _vrml(mesh: ColouredMesh, colours: dict[str, str]) -> bytes:
     return b"".join((
         f"#VRML V2.0 utf8\n# {_MM}\nShape {{\n appearance Appearance {{ material Material {{ }} }}\n".encode(),
         b" geometry IndexedFaceSet {\n  solid TRUE\n  creaseAngle 0\n  coord Coordinate { point [\n",
-        _places(mesh, b"", b" ", b" ", b"\n"), b"  ] }\n  coordIndex [\n",
-        _corners(mesh.body, *corner), _corners(mesh.ink, *corner),
+        vertex_lines(mesh.surface, (b"", b" ", b" ", b"\n")), b"  ] }\n  coordIndex [\n",
+        triangle_lines(mesh.body, corner), triangle_lines(mesh.ink, corner),
         f"  ]\n  color Color {{ color [ {', '.join(map(_shares, colours.values()))} ] }}\n".encode(),
         b"  colorPerVertex FALSE\n  colorIndex [\n", b"0\n" * len(mesh.body), b"1\n" * len(mesh.ink), b"  ]\n }\n}\n",
     ))  # fmt: skip
@@ -129,9 +104,9 @@ def _vrml(mesh: ColouredMesh, colours: dict[str, str]) -> bytes:
 def _obj(materials: str, mesh: ColouredMesh) -> bytes:
     corner = (b"f ", b" ", b" ", b"\n")
     return b"".join((
-        f"# {_MM}\nmtllib {materials}\no target\n".encode(), _places(mesh, b"v ", b" ", b" ", b"\n"),
-        b"usemtl body\n", _corners(mesh.body, *corner, first=1),
-        b"usemtl ink\n", _corners(mesh.ink, *corner, first=1),
+        f"# {_MM}\nmtllib {materials}\no target\n".encode(), vertex_lines(mesh.surface, (b"v ", b" ", b" ", b"\n")),
+        b"usemtl body\n", triangle_lines(mesh.body, corner, first=1),
+        b"usemtl ink\n", triangle_lines(mesh.ink, corner, first=1),
     ))  # fmt: skip
 
 

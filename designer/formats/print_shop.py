@@ -17,7 +17,7 @@ from reportlab.pdfgen.canvas import Canvas
 
 from designer.formats.pdf import FONT, POINTS_PER_MM, encodable, fill_area, line_of, true_size
 from designer.kinds.layout import narrowest_widths
-from designer.make.pages import Drawing, Polygon, moved, polygon
+from designer.make.pages import Drawing, moved, polygon
 from designer.make.pattern import Pattern
 from designer.make.sheets import ink_areas
 from designer.make.textured import ink_share
@@ -87,7 +87,12 @@ def _pdf(name: str, pattern: Pattern, ink_colour: str) -> bytes:
         canvas.scale(POINTS_PER_MM, POINTS_PER_MM)
         for area in placed.areas:
             fill_area(canvas, area, colour)
-        _draw_cut(canvas, placed.cuts[0])
+        canvas.saveState()
+        canvas.setStrokeColor(CUT_CONTOUR)
+        canvas.setStrokeOverprint(True)
+        canvas.setLineWidth(0.25 / POINTS_PER_MM)
+        canvas.drawPath(line_of(canvas.beginPath(), placed.cuts[0]))
+        canvas.restoreState()
         _draw_marks(canvas, trim, colour)
         canvas.showPage()
     canvas.save()
@@ -97,15 +102,6 @@ def _pdf(name: str, pattern: Pattern, ink_colour: str) -> bytes:
 def _points(box_mm: tuple[float, float, float, float], more_mm: float) -> tuple[float, ...]:
     left, bottom, right, top = box_mm
     return tuple(POINTS_PER_MM * side for side in (left - more_mm, bottom - more_mm, right + more_mm, top + more_mm))
-
-
-def _draw_cut(canvas: Canvas, cut: Polygon) -> None:
-    canvas.saveState()
-    canvas.setStrokeColor(CUT_CONTOUR)
-    canvas.setStrokeOverprint(True)
-    canvas.setLineWidth(0.25 / POINTS_PER_MM)
-    canvas.drawPath(line_of(canvas.beginPath(), cut))
-    canvas.restoreState()
 
 
 def _draw_marks(canvas: Canvas, trim: tuple[float, float, float, float], colour: Color) -> None:

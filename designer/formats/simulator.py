@@ -55,7 +55,8 @@ def simulator_files(name: str, mesh: TexturedMesh, weight: Weight) -> Iterator[F
         weight: of it.
     """
     yield "sim.png", mesh.picture, "the artwork, for the meshes beside it"
-    yield "sim.mtl", _mtl(name).encode(), "the material of the mesh"
+    material = f"newmtl artwork\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0\nNs 1\nillum 1\nmap_Kd {name}.sim.png\n"
+    yield "sim.mtl", material.encode(), "the material of the mesh"
     yield "sim.obj", _obj(name, mesh).encode(), "a textured mesh in mm, for simulators, Blender and colour printing"
     yield "sim.glb", textured_glb(mesh), "the same in one file, in metres"
     yield "urdf", _urdf(name, weight).encode(), "for ROS and PyBullet"
@@ -66,10 +67,6 @@ def simulator_files(name: str, mesh: TexturedMesh, weight: Weight) -> Iterator[F
 
 def _numbers(values: Array, digits: int = 9) -> str:
     return " ".join(f"{value:.{digits}g}" for value in np.asarray(values).ravel().tolist())
-
-
-def _mtl(name: str) -> str:
-    return f"newmtl artwork\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0\nNs 1\nillum 1\nmap_Kd {name}.sim.png\n"
 
 
 def _obj(name: str, mesh: TexturedMesh) -> str:

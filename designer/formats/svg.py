@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from html import escape
 
-from designer.make.pages import CUT_COLOUR, LINE_MM, MARK_COLOUR, Area, Circle, Point, Polygon, SheetPage, Text
+from designer.make.pages import CUT_COLOUR, LINE_MM, MARK_COLOUR, Area, Circle, Point, Polygon, SheetPage
 
 PAGE_GAP_MM = 10.0
 
@@ -55,7 +55,11 @@ def _page_lines(page: SheetPage, number: int, top: float) -> Iterator[str]:
     yield "</g>"
     yield _layer(number, "text", f'fill="{MARK_COLOUR}" font-family="Helvetica, Arial, sans-serif"')
     for text in drawing.texts:
-        yield _text_element(text, page.height_mm)
+        anchor = ' text-anchor="middle"' if text.centred else ""
+        turn = f" rotate({decimal(-math.degrees(text.angle_rad))})" if text.angle_rad else ""
+        place = f"translate({_point(text.position_mm, page.height_mm)}){turn}"
+        words = escape(text.text, quote=False)
+        yield f'<text transform="{place}" font-size="{decimal(text.size_mm)}"{anchor}>{words}</text>'
     yield "</g>"
     yield "</g>"
 
@@ -81,14 +85,6 @@ def _circle_path(circle: Circle, height: float) -> str:
 def polygon_path(polygon: Polygon, height: float) -> str:
     """A closed line as a path, of a page so high."""
     return "M" + "L".join(_point(point, height) for point in polygon) + "Z"
-
-
-def _text_element(text: Text, height: float) -> str:
-    anchor = ' text-anchor="middle"' if text.centred else ""
-    place = f"translate({_point(text.position_mm, height)})"
-    turn = f" rotate({decimal(-math.degrees(text.angle_rad))})" if text.angle_rad else ""
-    words = escape(text.text, quote=False)
-    return f'<text transform="{place}{turn}" font-size="{decimal(text.size_mm)}"{anchor}>{words}</text>'
 
 
 def _point(point: Point, height: float) -> str:

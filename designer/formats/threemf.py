@@ -75,9 +75,13 @@ _FIRST_OBJECT, _IDS_OF_OBJECT = 3, 3  # body, ink, and the object of both
 PAINTED_METADATA = (
     ' <metadata name="slic3rpe:Version3mf">1</metadata>\n <metadata name="slic3rpe:MmPaintingVersion">1</metadata>\n'
 )
-_PAINTED = b' paint_color="8" slic3rpe:mmu_segmentation="8"'
+_PAINTED = b'" paint_color="8" slic3rpe:mmu_segmentation="8"/>\n'
 """A whole triangle in the second filament, as `TriangleSelector::serialize` has it: 4 is the first, 8 the second."""
 _COLOUR_CHANGE, _PAUSE = 0, 1  # `CustomGCode::Type` of both slicers
+Around = tuple[bytes, bytes, bytes, bytes]
+"""Text before each of three numbers, and after them."""
+VERTEX: Around = (b'<vertex x="', b'" y="', b'" z="', b'"/>\n')
+TRIANGLE: Around = (b'<triangle v1="', b'" v2="', b'" v3="', b'"/>\n')
 Characters = NDArray[np.uint8]
 _LEFT_OUT = 0
 
@@ -100,17 +104,24 @@ class ObjectText:
         """With three ids from the first on."""
         body, ink = piece.part.as_printed.body, piece.part.as_printed.ink
         item = build_item(first_id + 2, piece.bed_from_part)
-        ink_vertices = b"" if ink is None else _vertices(ink)
+        ink_vertices = b"" if ink is None else vertex_lines(ink)
         return cls(
-            first_id, quoted(piece.name), body, ink, item, _vertices(body), ink_vertices, _triangles(body.triangles)
+            first_id,
+            quoted(piece.name),
+            body,
+            ink,
+            item,
+            vertex_lines(body),
+            ink_vertices,
+            triangle_lines(body.triangles),
         )
 
     @classmethod
     def painted(cls, name: str, mesh: ColouredMesh, bed_from_part: Array) -> "ObjectText":
         """One mesh, whose ink is painted with the second filament."""
-        triangles = _triangles(mesh.body) + _triangles(mesh.ink, properties=_PAINTED)
+        triangles = triangle_lines(mesh.body) + triangle_lines(mesh.ink, (*TRIANGLE[:3], _PAINTED))
         item = build_item(_FIRST_OBJECT + 2, bed_from_part)
-        return cls(_FIRST_OBJECT, quoted(name), mesh.surface, None, item, _vertices(mesh.surface), b"", triangles)
+        return cls(_FIRST_OBJECT, quoted(name), mesh.surface, None, item, vertex_lines(mesh.surface), b"", triangles)
 
     @property
     def ink_id(self) -> int:
@@ -174,10 +185,10 @@ def prusa_package(objects: Sequence[ObjectText], printing: PrintSpec, members: M
     ]  # fmt: skip
     config = '<?xml version="1.0" encoding="UTF-8"?>\n<config>\n'
     for one in objects:
-        first_ink, properties = len(one.body.triangles), f' pid="{_INK_COLOUR}" p1="0"'.encode()
+        first_ink, inked = len(one.body.triangles), (*TRIANGLE[:3], f'" pid="{_INK_COLOUR}" p1="0"/>\n'.encode())
         volumes, ink_triangles = _prusa_volume("body", 1, 0, first_ink - 1), b""
         if one.ink is not None:
-            ink_triangles = _triangles(one.ink.triangles, len(one.body.vertices_mm), properties)
+            ink_triangles = triangle_lines(one.ink.triangles, inked, first=len(one.body.vertices_mm))
             volumes += _prusa_volume("ink", 2, first_ink, first_ink + len(one.ink.triangles) - 1)
         model += [
             f'  <object id="{one.object_id}" type="model" name={one.name} pid="{_BODY_COLOUR}" pindex="0">\n',
@@ -230,7 +241,7 @@ def bambu_package(
         model += _leaf("body", one.body_id, _BODY_COLOUR, 0, one.body_vertices, one.body_triangles)
         parts = _bambu_part("body", one.body_id, 1)
         if one.ink is not None:
-            model += _leaf("ink", one.ink_id, _INK_COLOUR, 1, one.ink_vertices, _triangles(one.ink.triangles))
+            model += _leaf("ink", one.ink_id, _INK_COLOUR, 1, one.ink_vertices, triangle_lines(one.ink.triangles))
             parts += _bambu_part("ink", one.ink_id, 2)
         model += [
             f'  <object id="{one.object_id}" type="model" name={one.name}>\n',
@@ -290,17 +301,19 @@ def _end(objects: Sequence[ObjectText]) -> tuple[str, ...]:
     return " </resources>\n <build>\n", *(one.item for one in objects), " </build>\n</model>\n"
 
 
-def _vertices(mesh: Mesh) -> bytes:
-    """To 10 nm: finer than single precision holds at a bed's size."""
+def vertex_lines(mesh: Mesh, around: Around = VERTEX) -> bytes:
+    """A line a vertex, text around x, y and z, to 10 nm: finer than single precision holds at a bed's size."""
     x, y, z = (decimals(column, 5) for column in mesh.vertices_mm.T)
-    return text_lines(b'<vertex x="', x, b'" y="', y, b'" z="', z, b'"/>\n')
+    return text_lines(around[0], x, around[1], y, around[2], z, around[3])
 
 
-def _triangles(triangles: NDArray[np.int32], first: int = 0, properties: bytes = b"") -> bytes:
-    """Triangles of vertices that begin at number `first` in the file."""
+def triangle_lines(triangles: NDArray[np.int32], around: Around = TRIANGLE, first: int = 0) -> bytes:
+    """A line a triangle, text around the numbers of its vertices, which count from `first`."""
+    if not len(triangles):
+        return b""
     number = whole_numbers(np.arange(first, first + 1 + triangles.max()))  # each is written in several triangles
     one, two, three = (number[corner] for corner in triangles.T)
-    return text_lines(b'<triangle v1="', one, b'" v2="', two, b'" v3="', three, b'"', properties, b"/>\n")
+    return text_lines(around[0], one, around[1], two, around[2], three, around[3])
 
 
 def package(model: Iterable[str | bytes], members: Members) -> bytes:

@@ -304,7 +304,7 @@ class _Slicing:
         solid = inside if layer is None else self._solid(inside, layer)
         sparse = inside - solid if solid is not inside else CrossSection()
         top = CrossSection()
-        if layer is not None and not self._is_under(layer):
+        if layer is not None and (self.sliced.outline(layer) - self.sliced.outline(layer + 1)).area() >= _ALIKE:
             top = solid - self.sliced.outline(layer + 1)
             if top.area() < solid.area() - _ALIKE:  # slicers let what shows reach below what stands on it
                 top = solid ^ top.offset(TOP_REACH_MM, JoinType.Miter)
@@ -357,10 +357,6 @@ class _Slicing:
         small = [part for part in covered.decompose() if part.area() < LEAST_SPARSE_MM2]
         covered = covered - CrossSection.batch_boolean(small, OpType.Add) if small else covered
         return (inside - covered).offset(-half, JoinType.Miter).offset(half, JoinType.Miter) ^ inside
-
-    def _is_under(self, layer: int) -> bool:
-        """Whether the layer above reaches over all of a layer."""
-        return bool((self.sliced.outline(layer) - self.sliced.outline(layer + 1)).area() < _ALIKE)
 
     def _bridge(self, solid: CrossSection, inside: CrossSection, layer: int) -> CrossSection:
         """What of the solid infill is the first over sparse infill; narrow bands are not printed as bridges."""

@@ -153,7 +153,8 @@ def command_of(
         except NoAnswerError as error:
             if isinstance(error.result, Result):
                 return tell(error.result, output, answer=output.answer)
-            raise no_answer(made, output, str(error)) from None
+            said = f"no {made.sought}: {error}" if made.sought else str(error)
+            raise NegativeError(said, Summary(output.answer, tuple(output.files), remarks=(str(error),))) from None
 
     run.__name__, run.__doc__ = function.__name__, prose(function)
     has_own_out = OUT in inspect.signature(function).parameters
@@ -277,12 +278,6 @@ def _stopped(output: Output, again: str) -> StoppedError:
     places = ", ".join(shown(path) for path in dict.fromkeys(output.finished) if path.exists())
     said = f"stopped; finished and kept: {places}{again and f'; {again}'}" if places else NOTHING_WRITTEN
     return StoppedError(said, Summary(output.answer, tuple(output.files)))
-
-
-def no_answer(made: type[Result], output: Output, why: str) -> NegativeError:
-    """Where what was sought is not to be had."""
-    said = f"no {made.sought}: {why}" if made.sought else why
-    return NegativeError(said, Summary(output.answer, tuple(output.files), remarks=(why,)))
 
 
 def _folder_of(made: type[Result]) -> Path:

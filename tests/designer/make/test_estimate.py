@@ -286,7 +286,7 @@ def test_other_builds_are_the_same_told_by_a_process_beside(monkeypatch: pytest.
     plain = costs_of(design)
     assert plain.others
     monkeypatch.setattr(costs, "MANY_RINGS", 0)
-    monkeypatch.setattr(costs.OtherBuilds, "of", lambda design: pytest.fail("was not asked"))
+    monkeypatch.setattr(costs, "_other_builds", lambda design: pytest.fail("was not asked"))
     token = LINE.set("design ico")
     try:
         assert costs_of(design) == plain
