@@ -6,6 +6,7 @@ Text files that a person names: read whole, within bounds, with one line of reas
 import json
 import os
 import re
+import shutil
 import stat
 import tempfile
 import tomllib
@@ -66,15 +67,22 @@ def check_folder(folder: Path, option: str = "-o") -> None:
         ) from None
 
 
-def write_files(files: Mapping[Path, bytes]) -> None:
-    """Write each file under a temporary name beside its final one, then rename all; a full disk changes none.
+def write_files(files: Mapping[Path, bytes], sort: str = "result") -> None:
+    """Write each file under a temporary name beside its final one, then rename all: what fails changes none.
+
+    Every file is whole at any moment: earlier ones stay under a second name until all are in place.
+
+    Args:
+        files: contents by their places.
+        sort: of thing that texts hold, see `signed`.
 
     Raises:
         NotWrittenError: a folder cannot be made or written, or the disk is full.
         InputError: a file is somebody else's.
     """
     staged: dict[Path, Path] = {}
-    ours = {final: signed(final.name, content) for final, content in files.items()}
+    earlier: dict[Path, Path | None] = {}
+    ours = {final: signed(final.name, content, sort) for final, content in files.items()}
     for final, content in ours.items():
         require_ours(final, content)
     try:
@@ -86,14 +94,37 @@ def write_files(files: Mapping[Path, bytes]) -> None:
                 stream.flush()
                 os.fsync(stream.fileno())
         for final, place in staged.items():
+            kept = _kept(place) if final.exists() else None
+            if kept is not None:
+                _link(final, kept)
+            earlier[final] = kept
             place.replace(final)
     except OSError as error:
+        for final, kept in earlier.items():
+            if kept is None:
+                final.unlink(missing_ok=True)
+            else:
+                kept.replace(final)
         raise NotWrittenError(
             f"{next(iter(files))}: cannot be written: {error.strerror}; choose another place, or make room"
         ) from None
     finally:
         for place in staged.values():
             place.unlink(missing_ok=True)
+            _kept(place).unlink(missing_ok=True)
+
+
+def _kept(place: Path) -> Path:
+    """Where an earlier file stays beside a new one."""
+    return place.with_name(f"{place.name}.earlier")
+
+
+def _link(final: Path, kept: Path) -> None:
+    """A second name for a file, or a copy where the disk knows no links."""
+    try:
+        os.link(final, kept)
+    except OSError:
+        shutil.copy2(final, kept)
 
 
 MAX_TOML_BYTES = 2**16
