@@ -6,9 +6,9 @@ cameras see: so all of each image is used, and cameras are joined wherever they 
 
 import math
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from calib.cameras import project
@@ -20,6 +20,9 @@ from calib.renderer.rig_template import HeldTarget
 from designer.base.arrays import Array
 from designer.base.errors import InputError
 from designer.target import TargetGeometry, bounding_radius_mm
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 TRIES = 40
 SAMPLED_RINGS = 60
@@ -39,7 +42,7 @@ JITTER = 0.1
 class TargetWay:
     """A smooth way of a target."""
 
-    position_mm: CubicSpline
+    position_mm: "CubicSpline"
     turn: RotationSpline
 
     def at(self, time_s: Array) -> Array:
@@ -158,6 +161,8 @@ def way_of(
     Raises:
         InputError: as for `held_poses`, or a way that is too long.
     """
+    from scipy.interpolate import CubicSpline
+
     count, needed_s = 4, seconds[1] - seconds[0]
     while True:
         pose = held_poses(rig, target, held, count, rng)

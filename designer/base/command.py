@@ -16,7 +16,7 @@ from collections import UserDict
 from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass, replace
-from functools import wraps
+from functools import cache, wraps
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TextIO, TypeVar, cast
@@ -60,10 +60,16 @@ class Later:
 
     def loaded(self, name: str) -> "Command":
         """The command, under its name on the command line."""
-        module, _, word = self.place.partition(":")
-        alone = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-        command(alone, name, self.task)(getattr(import_module(module), word).as_command())
-        return typer.main.get_command(alone)
+        return _command_of_place(self.place, name, self.task)
+
+
+@cache
+def _command_of_place(place: str, name: str, task: str | None) -> "Command":
+    """Made once, however many lines a process runs."""
+    module, _, word = place.partition(":")
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    command(alone, name, task)(getattr(import_module(module), word).as_command())
+    return typer.main.get_command(alone)
 
 
 @dataclass(frozen=True)

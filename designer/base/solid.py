@@ -213,14 +213,16 @@ def area_of(corner: Array) -> float:
 
 def plane_of(corner: Array) -> Array:
     """Unit normal and distance from the origin of a polygon in space, by Newell's sums.  # (K, 3) -> (4,)"""
-    normal = _newell(corner) / np.linalg.norm(_newell(corner))
+    along = _newell(corner)
+    normal = along / np.linalg.norm(along)
     return np.array([*normal, normal @ corner.mean(axis=0)])
 
 
 def _newell(corner: Array) -> Array:
     """Along a polygon's normal, twice as long as its area is large.  # (K, 3) -> (3,)"""
     from_middle = corner - corner.mean(axis=0)
-    return np.asarray(np.cross(from_middle, np.roll(from_middle, -1, axis=0)).sum(axis=0))
+    (x, y, z), (u, v, w) = from_middle.T, np.concatenate([from_middle[1:], from_middle[:1]]).T
+    return np.asarray(np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1).sum(axis=0))
 
 
 def regular_polygon(sides: int, inradius: float) -> Array:

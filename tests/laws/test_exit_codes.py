@@ -15,6 +15,7 @@ from typer.core import TyperGroup
 from calib.cli import app as calib_app
 from calib.observe.calibration_file import read_calibration
 from designer.cli import app as design_app
+from designer.spec.kind import KINDS
 from tests.support.command_line import LENIENT, Answer, calib, design, summary_of
 from tests.support.programs import PYTHON, run, start
 from tests.support.waiting import WITHIN_S
@@ -166,7 +167,7 @@ CASES = [pytest.param(design, case, id=f"design {' '.join(case.words[:2])} {case
 CASES += [pytest.param(calib, case, id=f"calib {' '.join(case.words[:2])} {case.code}") for case in CALIB]
 
 
-SAME_WAY = ("ico", "make", "tolerance", "ways")
+SAME_WAY = {*KINDS, "make", "tolerance", "ways"} - {"board"}
 """Commands that write as another one does: `board` and the studies stand for them."""
 OF_COMMAND = {(one.values[0], one.values[1].words[:2]): one for one in CASES[::-1] if one.values[1].code != 2}
 WRITING = [
