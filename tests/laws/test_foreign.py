@@ -5,7 +5,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from calib.detector import pipeline
+from calib.detector.candidates import Candidates
 from calib.detector.pipeline import detect
 from calib.detector.why_nothing import explained
 from calib.renderer import RenderOptions
@@ -38,6 +41,29 @@ def photo(name: str, is_dirty: bool) -> Photo:
     return photo_of(TARGETS[name], rng, options=options, size=(1000, 800), is_whole=not is_dirty)
 
 
+@pytest.fixture
+def seen_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of one photo: what is a candidate at a threshold is sought once, whichever file it is held against."""
+    levels, candidates = {}, {}
+    plain_levels, plain_candidates = pipeline.reduced, pipeline.find_candidates
+
+    def reduced(pixels: NDArray[np.generic], factor: int) -> NDArray[np.generic]:
+        key = pixels.tobytes(), factor
+        if key not in levels:
+            levels[key] = plain_levels(pixels, factor)
+        return levels[key]
+
+    def find_candidates(grey: NDArray[np.generic], *words: object) -> Candidates:
+        key = id(grey), *words  # which `levels` keeps
+        if key not in candidates:
+            candidates[key] = plain_candidates(grey, *words)
+        return candidates[key]
+
+    monkeypatch.setattr(pipeline, "reduced", reduced)
+    monkeypatch.setattr(pipeline, "find_candidates", find_candidates)
+
+
+@pytest.mark.usefixtures("seen_once")
 @pytest.mark.parametrize(("name", "is_dirty"), SHOWN)
 def test_no_target_bears_the_names_of_another(name: str, is_dirty: bool) -> None:
     """A photo of any target has no name with the file of any other layout, and every name with its own is right."""

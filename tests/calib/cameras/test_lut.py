@@ -82,15 +82,22 @@ def table_of(name: str) -> lut.RayTable:
     return lut.ray_table(CAMERAS[name], lut.TABLE_PX)
 
 
-def answers(program: list[str], content: bytes, folder: Path, kind: str, places: Array) -> tuple[list[float], Array]:
-    """What the file says of itself, and the answers (N, 3); nan where there is none."""
+def answers(
+    program: list[str], content: bytes, folder: Path, *asked: tuple[str, Array]
+) -> tuple[list[float], list[Array]]:
+    """What the file says of itself, and the answers (N, 3) of each kind and places asked; nan where there is none."""
     (folder / "c.lut").write_bytes(content)
-    lines = [" ".join([kind, *(f"{value:.17g}" for value in np.append(row, [0.0])[:3])]) for row in places]
+    lines = [
+        " ".join([kind, *(f"{value:.17g}" for value in np.append(row, [0.0])[:3])])
+        for kind, places in asked
+        for row in places
+    ]
     (folder / "questions").write_text("\n".join(lines))
     done = run(*program, folder / "c.lut", folder / "questions")
     head, *rest = done.stdout.splitlines()
     found = [[np.nan] * 3 if line == "none" else [float(one) for one in line.split()] for line in rest]
-    return [float(one) for one in head.split()], np.array(found)
+    ends = np.cumsum([len(places) for _, places in asked])[:-1]
+    return [float(one) for one in head.split()], np.split(np.array(found), ends)
 
 
 @both
@@ -105,7 +112,13 @@ def test_readers_have_the_rays_of_the_camera(program: list[str], name: str, tmp_
     size = np.array(camera.image_size)
     pixel = np.random.default_rng(7).uniform(-0.4, 0.6, (300, 2)) + np.random.default_rng(8).integers(0, size, (300, 2))
     pixel = np.clip(pixel, 0, size - 1)
-    head, ray = answers(program, table.content(), tmp_path, "u", pixel)
+    outside = np.array([[0, 0, -1.0], [np.nan, 0, 1], [0, 0, 0], [1e290, 0, -1e300], [np.inf, 0, 1]])
+    beyond = np.array([[-0.6, 0], [0, size[1] - 0.4], [np.nan, 0], [1e30, -1e30], [size[0] * 2.0, 1]])
+    head, (ray, nowhere, dark) = answers(
+        program, table.content(), tmp_path, ("u", pixel), ("p", outside), ("u", beyond)
+    )
+    assert np.isnan(nowhere).all()
+    assert np.isnan(dark).all()
     assert head == [*camera.image_size, table.max_px, table.rms_px]
     true = camera.rays(np.round(pixel))  # of the pixel whose light is asked for
     assert np.array_equal(np.isnan(ray), np.isnan(true))
@@ -113,13 +126,8 @@ def test_readers_have_the_rays_of_the_camera(program: list[str], name: str, tmp_
     assert known.sum() > 150 or name == "tiny"
     assert np.allclose(np.linalg.norm(ray[known], axis=1), 1, atol=1e-12)
     assert np.linalg.norm(camera.project(ray[known]) - pixel[known], axis=1).max() <= 1.05 * table.max_px
-    _, back = answers(program, table.content(), tmp_path, "p", 700 * ray[known])
+    _, (back,) = answers(program, table.content(), tmp_path, ("p", 700 * ray[known]))
     assert np.abs(back[:, :2] - pixel[known]).max() < 1e-6
-    outside = np.array([[0, 0, -1.0], [np.nan, 0, 1], [0, 0, 0], [1e290, 0, -1e300], [np.inf, 0, 1]])
-    _, nowhere = answers(program, table.content(), tmp_path, "p", outside)
-    assert np.isnan(nowhere).all()
-    beyond = np.array([[-0.6, 0], [0, size[1] - 0.4], [np.nan, 0], [1e30, -1e30], [size[0] * 2.0, 1]])
-    assert np.isnan(answers(program, table.content(), tmp_path, "u", beyond)[1]).all()
 
 
 @both
@@ -128,7 +136,7 @@ def test_points_that_the_camera_does_not_see_are_projected_nowhere(program: list
     point = np.random.default_rng(2).normal(size=(400, 3))
     for name in ("opencv", "fisheye", "circle"):
         camera, table = CAMERAS[name], table_of(name)
-        _, pixel = answers(program, table.content(), tmp_path, "p", point)
+        _, (pixel,) = answers(program, table.content(), tmp_path, ("p", point))
         true = camera.project(point)
         far = np.array(camera.image_size) - 0.5
         inside, near = ((true > -0.5 - by).all(axis=1) & (true < far + by).all(axis=1) for by in (-1, 1))

@@ -129,7 +129,10 @@ def test_rings_and_nothing_are_no_board(tmp_path: Path) -> None:
 def test_a_ruler_makes_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With lengths the file is written; without, the line that makes it is told, and -o says what is missing."""
     monkeypatch.chdir(tmp_path)
-    cv2.imwrite("photo.png", photo_of(SEEN["charuco"]))
+    photo = photo_of(SEEN["charuco"])
+    cv2.imwrite("photo.png", photo)
+    found = boards_in(photo)  # which every line would seek again
+    monkeypatch.setattr("calib.detector.board_in_photo.boards_in", lambda pixels: found if len(pixels) else ())
     words = ("target", "--from-photo", "photo.png")
     (told,) = json.loads(calib(*words, "--json").out)["answer"]["boards"]
     assert told["missing"] == ["--square"]

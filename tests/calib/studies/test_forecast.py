@@ -18,7 +18,7 @@ from designer.tolerance.error_file import error_model
 from designer.tolerance.model import perturb
 
 WISH = Wish(1, math.radians(70), (400.0, 400.0, 200.0), (1280, 800), None, 1)
-PHOTOS, DRAWS = 20, 40
+PHOTOS, DRAWS = 12, 30
 MADE = {"ico": ({"edge": "150mm"}, "fdm-dual"), "board": ({"size": "250x180mm", "pitch": "20mm"}, "fdm-board")}
 
 
