@@ -111,13 +111,6 @@ def photo_names(poses: Sequence[NextPose]) -> tuple[str, ...]:
     return tuple(f"next_{number}" for number in range(1, len(poses) + 1))
 
 
-def poses_in_reach(found: RigCalibration) -> Array:
-    """All poses of the robot that are tried: base_from_flange (K, 4, 4)."""
-    if found.carrier is None:
-        raise ValueError("a rig without a carrier")
-    return _candidates(found, found.carrier, some_points(found)).base_from_flange
-
-
 def rig_from_target_at(found: RigCalibration, base_from_flange: Array) -> Array:
     """Where the target is in the rig's frame when the robot's flange is somewhere.  # (..., 4, 4)"""
     if found.carrier is None:

@@ -43,11 +43,6 @@ class AsBuiltOptions:
     strain_sigma: float | None = None
     solve: SolveOptions = field(default_factory=SolveOptions)  # weights, fixed and shared parameters of the cameras
 
-    @property
-    def has_free_rings(self) -> bool:
-        """Whether each ring has its own offset."""
-        return self.ring_sigma_mm is not None and max(self.ring_sigma_mm) > 0
-
 
 STRAIN_INDEX = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 """Of a strain's six numbers: xx, yy, zz, yz, xz, xy."""
@@ -139,7 +134,7 @@ def unknowns_of(target: TargetGeometry, options: AsBuiltOptions) -> Unknowns:
     is_given = ~np.isnan(given)
     sigma = np.where(is_given, given, wide)
     ring_sigma = None
-    if options.ring_sigma_mm is not None and options.has_free_rings:
+    if options.ring_sigma_mm is not None and max(options.ring_sigma_mm) > 0:
         plane, normal = options.ring_sigma_mm
         ring_sigma = np.maximum([plane, plane, normal], LEAST_RING_SIGMA_MM)
     made = options.made or how_made(target)

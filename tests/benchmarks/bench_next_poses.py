@@ -19,7 +19,8 @@ import numpy as np
 from calib.core.se3 import exp_rotation, invert, look_at, make_pose, skew
 from calib.core.types import keep_frames
 from calib.judge.halves import NoHalves
-from calib.judge.next_robot_poses import next_robot_poses, poses_in_reach
+from calib.judge.next_frames import some_points
+from calib.judge.next_robot_poses import _candidates, next_robot_poses
 from calib.rigs.carrier import turned_by
 from calib.rigs.problem import FREE_SIZE, CameraChoice, Mechanism, RigOptions
 from calib.rigs.relative import center_sigma_mm
@@ -95,7 +96,8 @@ def print_poses(draws: int) -> None:
             one, rng = arm(draw, kind, noise), np.random.default_rng([3, draw])
             found = one.solved(one.base_from_flange, rng, is_free=is_free, is_given=is_given)
             poses = next_robot_poses(found, NoHalves("not compared"))
-            reach = poses_in_reach(found)
+            assert found.carrier is not None
+            reach = _candidates(found, found.carrier, some_points(found)).base_from_flange
             drawn = reach[rng.choice(len(reach), len(poses), replace=False)]
             proposed = np.stack([pose.base_from_flange for pose in poses])
             ours, others = (
