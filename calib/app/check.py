@@ -34,11 +34,12 @@ if TYPE_CHECKING:
     from designer.target import TargetGeometry
 
 Verdict = Literal["yes", "no", "cannot say"]
-MOST_NAMED = 6
+MOST_NAMED, MISFITS, SURELY_FREE = 6, 1.2, 4.0
 NO_SIGMA = (
     "the file does not say how sure it is: it is taken to be as sure as from 20 photos such as these; a no may also "
     "mean that it never was better"
 )
+NOT_AS_SOLVED = "the file says something else than the calibration beside it, which tells how sure it may be"
 UNITS: Mapping[str, tuple[float, str]] = {
     "focal length": (100.0, "%"), "size": (100.0, "%"), "turn": (180 / math.pi, "deg"),
     "principal point": (1.0, "px"), "shift": (1.0, "mm"),
@@ -215,15 +216,15 @@ def _reference(known: object) -> "tuple[Reference, PlaneBend | None, str, tuple[
     from calib.app.solved_rig import SolvedRig
     from calib.cameras import ABILITIES
     from calib.cameras.camera import Camera
-    from calib.cameras.rig import Rig
+    from calib.cameras.rig import Rig, rig_of_one
     from calib.judge.reference import reference_of
     from calib.rigs.result import RigCalibration
     from calib.solver.calibration import Calibration
 
     remarks: tuple[str, ...] = ()
-    given = known
+    given, told = known, None
     if isinstance(known, str | PathLike):
-        given = _calibration_at(Path(known))
+        given, told, remarks = _calibration_at(Path(known))
         if given is None and (rig := rig_named(known)) is not None and len(rig.read.rig.names) > 1:
             given, remarks = rig.read.rig, rig.read.remarks
         elif given is None:
@@ -234,6 +235,10 @@ def _reference(known: object) -> "tuple[Reference, PlaneBend | None, str, tuple[
     if not isinstance(given, Camera | Rig | Calibration | RigCalibration):
         raise InputError(f"{type(known).__name__}: give a camera, a rig, their file, or a calibration")
     reference = reference_of(given)
+    if told is not None:
+        other = rig_of_one(told) if isinstance(told, Camera) else told
+        checked = replace(reference.rig, cameras=other.cameras, cam_from_rig=other.cam_from_rig)
+        reference = replace(reference, rig=checked, solved=reference.rig)
     if odd := next((one.model for one in reference.rig.cameras if ABILITIES[one.model].is_learned), ""):
         raise InputError(f"model {odd}: is a learned map, without parameters that could change; check another model")
     remarks = (*remarks, NO_SIGMA) if reference.rig.covariance is None else remarks
@@ -241,48 +246,64 @@ def _reference(known: object) -> "tuple[Reference, PlaneBend | None, str, tuple[
         return reference, None, "", remarks
     if given.status != "converged":
         raise InputError("the calibration does not determine its camera; solve it from more photos")
-    if isinstance(given, Calibration) and (told := given.told_of_camera):
-        remarks = (*remarks, told)
+    if isinstance(given, Calibration) and given.told_of_camera:
+        remarks = (*remarks, given.told_of_camera)
     return reference, given.target_bend, given.observations.points.geometry_id, remarks
 
 
-def _calibration_at(place: Path) -> "Calibration | RigCalibration | None":
-    """The calibration of a folder, of its own file, or the one that a camera.json or rig.json lies beside and is of.
+def _calibration_at(place: Path) -> "tuple[Calibration | RigCalibration | None, Camera | Rig | None, tuple[str, ...]]":
+    """The calibration of a folder, of its own file, or that which a camera.json or rig.json lies beside.
+
+    With it what that file says, if it is not what was solved; and what is to be said of the choice.
 
     Raises:
         InputError: one that was asked for cannot be read.
     """
     import numpy as np
 
-    from calib.app.evaluate import calibration_in
     from calib.cameras.camera import load_camera
+    from calib.cameras.formats.reading import solved_in
     from calib.cameras.rig import RIG
     from calib.judge.folders import RIG_FILE
     from calib.observe.calibration_file import CALIBRATION_FILE, CAMERA_FILE, RIG_CALIBRATION_FILE, read_calibration
     from calib.rigs.rig_calibration_file import read_rig
 
+    said: tuple[str, ...] = ()
     folder = place if place.is_dir() else place.parent
     is_rig = place.is_dir() or place.name in (RIG_FILE, RIG_CALIBRATION_FILE)
     if is_rig and (folder / RIG_CALIBRATION_FILE).is_file():
         found = read_rig(folder)[0]
         told = RIG.read(folder / RIG_FILE) if (folder / RIG_FILE).is_file() else None
         if told is None or place.name == RIG_CALIBRATION_FILE:
-            return found
-        if told.names != found.observations.camera_names or not np.array_equal(told.cam_from_rig, found.cam_from_rig):
-            return None
+            return found, None, ()
+        pairs = list(zip(told.cameras, found.cameras, strict=False))
+        if told.names != found.observations.camera_names or any(_is_another(*pair) for pair in pairs):
+            return None, None, ()
         more = None if told.covariance is None else told.covariance - found.stated_covariance  # as halves enlarged it
-        return found if more is None else replace(found, covariance=found.covariance + more)
-    if place.is_dir() and ((folder / CALIBRATION_FILE).is_file() or not (folder / CAMERA_FILE).is_file()):
-        return read_calibration(calibration_in(place))[0] if any(place.rglob(CALIBRATION_FILE)) else None
-    if place.name == CALIBRATION_FILE:
-        return read_calibration(place)[0]
-    if place.name == CAMERA_FILE and (folder / CALIBRATION_FILE).is_file() and place.is_file():
-        known = read_calibration(folder / CALIBRATION_FILE)[0]
-        camera = load_camera(place)
-        return (
-            known if camera.model == known.camera.model and np.array_equal(camera.params, known.camera.params) else None
+        found = found if more is None else replace(found, covariance=found.covariance + more)
+        as_solved = np.array_equal(told.cam_from_rig, found.cam_from_rig) and all(
+            np.array_equal(one.params, other.params) for one, other in pairs
         )
-    return None
+        return (found, None, ()) if as_solved else (found, told, (NOT_AS_SOLVED,))
+    if place.is_dir() and not (folder / CAMERA_FILE).is_file():
+        if not any(place.rglob(CALIBRATION_FILE)):
+            return None, None, ()
+        place, said = solved_in(place, CALIBRATION_FILE)
+        folder = place.parent
+    if place.name == CALIBRATION_FILE:
+        return read_calibration(place)[0], None, said
+    path = folder / CAMERA_FILE
+    if (place.is_dir() or place == path) and path.is_file() and (folder / CALIBRATION_FILE).is_file():
+        known, camera = read_calibration(folder / CALIBRATION_FILE)[0], load_camera(path)
+        if not _is_another(camera, known.camera):
+            as_solved = np.array_equal(camera.params, known.camera.params)
+            return (known, None, ()) if as_solved else (known, camera, (NOT_AS_SOLVED,))
+    return None, None, ()
+
+
+def _is_another(one: "Camera", other: "Camera") -> bool:
+    """Whether two cameras do not even have the same parameters."""
+    return (one.model, one.image_size) != (other.model, other.image_size)
 
 
 def _observed(
@@ -410,6 +431,11 @@ def _verdict(
     """Yes only where what matters would have been seen."""
     if test.contradict:
         return "cannot say", "the photos contradict each other: something moved meanwhile, or another camera took one"
+    if test.is_changed and reference.states_nothing and test.times_free < SURELY_FREE:
+        return "cannot say", (
+            f"the photos leave over {test.times_free:.1f} times what they would by a free camera, and the file does "
+            "not say what it left over of those it was solved from; give the folder of the calibration"
+        )
     if test.is_changed and not causes:
         return "no", "something changed, and no simple cause explains all of it"
     if test.is_changed:
@@ -423,10 +449,9 @@ def _verdict(
     wanted = {"focal length": focal, "turn": turn, "shift": test.distance_mm * math.tan(math.radians(turn))}
     for what, most in wanted.items():
         if (one := least[what]) is not None and one.visible > most:
-            return (
-                "cannot say",
-                f"no change is seen, but {_visible(one)} would not be; what matters is {figure(most, 2)} {one.unit}",
-            )
+            but = f"no change is seen, but {_visible(one)} would not be; what matters is {figure(most, 2)} {one.unit}"
+            misfit = f"the calibration itself misfits, its own photos deviate {test.misfit:.1f} times what it states: "
+            return "cannot say", f"{misfit if test.misfit > MISFITS else ''}{but}"
     if blind := [name for name in reference.rig.names if not any(one.camera == name for one in changes)]:
         return "cannot say", f"no photo of {', '.join(map(printable, blind))} shows the target"
     seen = [_visible(one) for what, one in least.items() if one is not None and (what in wanted or len(changes) == 2)]

@@ -40,12 +40,12 @@ class CameraErrors(
 ):  # fmt: skip
     """The errors of a camera by all metrics that apply: `found.of("reprojection")`, `found.save("camera")`."""
 
-    remarks = ()
     solved_from: "Evaluation"  # on the photos that the camera was solved from
     held_out: "Evaluation | None"  # on each photo with a camera solved from others; None: that was not asked for
     on: "Evaluation | None" = None  # on sightings that the camera was not solved from; likewise
     calibration_file: Path | None = None  # None: of a run in memory
     has_figures: bool = True
+    remarks: tuple[str, ...] = ()  # on which calibration of a folder was taken
 
     @property
     def asked(self) -> "Evaluation":
@@ -80,7 +80,7 @@ class CameraErrors(
         ))  # fmt: skip
         left_out = (f"{errors.metric}: {count} left out: {reason}" for errors in asked.errors
                     for reason, count in errors.left_out)  # fmt: skip
-        remarks = dict.fromkeys((*calibration.remarks, *asked.remarks, *left_out, _sample(asked)))
+        remarks = dict.fromkeys((*self.remarks, *calibration.remarks, *asked.remarks, *left_out, _sample(asked)))
         notes = tuple(Finding("note", "", printable(remark)) for remark in remarks)
         tables = (
             errors_table(metrics), parameters_table(metrics), views_table(photo_rows(asked, None), is_flat=is_flat),
@@ -175,7 +175,14 @@ def _sample(evaluation: "Evaluation") -> str:
     return "a photo's own pose is found from itself, the camera from others; reconstruction uses the photos of one part"
 
 
-@capability(folder=lambda given: calibration_in(cast(Path, given["calibration"])).parent)
+def _calibration_in(place: Path) -> tuple[Path, tuple[str, ...]]:
+    """The calibration's file, of itself or of its folder, and what is said of the choice."""
+    from calib.cameras.formats.reading import solved_in
+
+    return solved_in(place, CALIBRATION_FILE) if place.is_dir() else (place, ())
+
+
+@capability(folder=lambda given: _calibration_in(cast(Path, given["calibration"]))[0].parent)
 def evaluate(
     calibration: Annotated["Run | Place", argument("a calibration.json, or the folder it lies in")],
     *,
@@ -214,19 +221,20 @@ def evaluate(
     told = {"--target": target, "--image-size": image_size, "--grid": grid, "--pitch": pitch_mm}
     _check(held_out, on, truth, [name for name, value in told.items() if value is not None])
     known, file = truth_from(truth), None
+    said: tuple[str, ...] = ()
     if isinstance(calibration, Run):
         solved, origin = calibration.best.calibration, calibration.best.provenance
         known = known or (None if calibration.task is None else calibration.task.truth)
     else:
-        file = calibration_in(place_of(calibration, "a run, a calibration.json, or its folder"))
+        file, said = _calibration_in(place_of(calibration, "a run, a calibration.json, or its folder"))
         solved, origin = read_calibration(file)
     every, has_reference = evaluate_all(solved, known), bool(dict(origin.settings).get(REFERENCE))
     held = _held_out(solved, origin.options, held_out, known, has_reference=has_reference) if held_out else None
     if on is None:
-        return CameraErrors(every, held, None, file, figures)
+        return CameraErrors(every, held, None, file, figures, said)
     name = Path(on).name if isinstance(on, str | PathLike) else "other photos"
     others = evaluate_on(solved, file_or_observations(on, target, image_size, grid, pitch_mm), name)
-    return CameraErrors(every, held, others, file, figures)
+    return CameraErrors(every, held, others, file, figures, said)
 
 
 def _check(held_out: int, on: "Observed | None", truth: "Truth | Place | None", of_on: list[str]) -> None:
@@ -241,29 +249,6 @@ def _check(held_out: int, on: "Observed | None", truth: "Truth | Place | None", 
         )
     if truth is not None:
         raise InputError("--truth: is of the photos that the camera was solved from; leave it out with --on")
-
-
-def calibration_in(place: Path) -> Path:
-    """The calibration's file, of itself or of its folder.
-
-    Raises:
-        InputError: the folder holds those of several models or of a rig's cameras, one of which is to be named.
-    """
-    if not place.is_dir():
-        return place
-    if (place / CALIBRATION_FILE).exists():
-        return place / CALIBRATION_FILE
-    of_rig = sorted(place.glob(f"cameras/*/{CALIBRATION_FILE}"))
-    if len(of_rig) == 1:
-        return of_rig[0]
-    inside = of_rig or sorted(place.glob(f"*/{CALIBRATION_FILE}"))
-    if inside:
-        what, folders = "camera" if of_rig else "model", ", ".join(str(path.parent) for path in inside)
-        raise InputError(f"{place}: holds a calibration in a folder of each {what}; name the folder of one: {folders}")
-    from calib.cameras.formats.reading import require_camera
-
-    require_camera(place, CALIBRATION_FILE)
-    return place / CALIBRATION_FILE
 
 
 def _held_out(

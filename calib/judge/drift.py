@@ -26,17 +26,19 @@ false alarms is that which was asked for, however many hypotheses overlap.
 others, that do not contain it, explains the same.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
+from calib.cameras.rig import rig_of_one
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
 from calib.core.types import RigObservations, keep_frames
 from calib.judge.photo_scores import PhotoScores, error_modes, photo_scores, standard_directions
-from calib.judge.reference import Reference
+from calib.judge.reference import Reference, of_one_camera
+from calib.rigs.variance_components import DISAGREES
 from designer.base.arrays import Array
 from designer.tolerance.prior import ShapePrior
 
@@ -46,8 +48,8 @@ MOST_PARAMETERS = 20
 """Of a camera that are tested one by one; of one with more, as a spline, the linear part is."""
 EXPLAINS, RULED_OUT = 0.01, 0.001
 """Probability of what a hypothesis leaves over, from which on it explains all, and below which it is no explanation."""
-LEAST_GROUPS, MOST_GROUPS, SURELY_MORE = 3, 8, 1.3
-"""Of the calibration's own photos, tested as these are; and the variance from which on they surely deviate by more."""
+LEAST_GROUPS, GROUPS, SURELY = 3, 32, 0.05
+"""Of the calibration's own photos, tested as these are; and the probability below which they surely deviate by more."""
 AS_MANY = 20
 """Photos such as these, that a camera of which nobody states how sure it is is taken to be solved from."""
 
@@ -92,6 +94,8 @@ class DriftTest:
     causes: tuple[DriftHypothesis, ...]  # that cannot be told apart; one: it is that; (): none explains what is seen
     frames: tuple[str, ...]  # that counted
     left_out: tuple[LeftOut, ...]
+    misfit: float  # by how much the calibration's own photos deviate more than it lets expect, in standard deviations
+    times_free: float  # how much more the file's cameras leave over than such as may be anything
     contradict: bool  # the photos say different things of the cameras
     noise: Array  # (C,) standard deviations, in those that are stated, or px
     freedom: int  # degrees of freedom of the noise
@@ -125,6 +129,7 @@ def drift_test(
         seed: of the numbers that the distribution is drawn from.
     """
     modes = error_modes(observations.points, prior, is_exact=is_exact)
+    reference, misfit = _apart(reference)
     names, left = list(observations.frame_names), list[LeftOut]()
     while True:
         seen = photo_scores(reference, observations, *modes)
@@ -136,8 +141,8 @@ def drift_test(
             lost.add(seen.number[odd[0]])
             left.append(LeftOut(names[seen.number[odd[0]]], odd[1]))
         elif not lost:
-            more = _dispersion(reference, len(names), is_exact=is_exact)
-            return _tested(seen, more, names, left, false_alarms, seed, contradict=odd is not None)
+            own = _own_photos(reference, len(names), is_exact=is_exact)
+            return _tested(seen, own, misfit, names, left, false_alarms, seed, contradict=odd is not None)
         left += [
             LeftOut(names[k], "too little of the target is seen")
             for k in sorted(lost - {seen.number[odd[0]] if odd else -1})
@@ -149,7 +154,7 @@ def drift_test(
 def _hypotheses(seen: PhotoScores) -> Iterator[tuple[str, What, Array]]:
     """What may have changed: of which camera, what, and the unknowns (N, K) by its K numbers."""
     rig, total = seen.rig, len(seen.gradient)
-    shown = sorted({one.given.camera for frame in seen.sights for one in frame})
+    shown = seen.shown
     columns = np.eye(total)
     every = list[int]()
     for camera in shown:
@@ -185,31 +190,79 @@ class _Weighed:
     rows: frozenset[int]
     basis: Array  # (Q, K) orthonormal, of where it moves what is seen
     moved: Array  # (Q, n) by its own numbers
+    more: float = 1.0  # variance in its direction, as a calibration's own photos have it
 
 
-def _dispersion(reference: Reference, count: int, *, is_exact: bool) -> tuple[float, int | None]:
-    """By how much groups of so many of the calibration's own photos deviate more than is expected; how many groups.
+@dataclass(frozen=True)
+class _OwnPhotos:
+    """By how much groups of a calibration's own photos deviate more than it lets expect: a variance by hypothesis."""
 
-    That is what no statement of a calibration knows of, as a lens that is of another kind in the corners.
+    variance: Mapping[tuple[str, What], float]
+    count: int
+
+    def beyond(self, one: "_Weighed") -> float:
+        """What the variance in the direction of a hypothesis is to be multiplied by."""
+        return max(self.variance.get((one.camera, one.what), 1.0), 1.0)
+
+
+def _apart(reference: Reference) -> tuple[Reference, float]:
+    """A rig whose cameras' photos fit each alone, but not together, with noise that has it; and how many times more.
+
+    What cameras do not have in common, as moments, is in all of them, whichever the adjustment laid it upon.
     """
+    photos, rig = reference.photos, reference.own.rig
+    if photos is None or len(photos.sightings) < 2 or reference.scale is None:
+        return reference, 1.0
+    none = error_modes(photos.points, None, is_exact=True)
+    joint, alone = photo_scores(Reference(rig), photos, *none), np.full(len(rig.cameras), np.nan)
+    for name, seen in zip(photos.camera_names, photos.sightings, strict=True):
+        row = rig.row(name)
+        own = photo_scores(Reference(rig_of_one(rig.cameras[row])), of_one_camera(seen), *none)
+        alone[row] = np.nan if own is None else own.scale[0]
+    if joint is None or not (times := float(np.nan_to_num(joint.scale / alone).max())) > DISAGREES:
+        return reference, 1.0
+    return replace(reference, scale=np.fmax(reference.scale, times * alone)), times
+
+
+def _own_photos(reference: Reference, count: int, *, is_exact: bool) -> _OwnPhotos | None:
+    """What no statement of a calibration knows of, as a lens that is of another kind in the corners.
+
+    It is the mean square of what each hypothesis explains of groups of so many of its own photos; None: it has too few.
+    """
+    from scipy.special import chdtrc
+
     photos = reference.photos
-    if photos is None or photos.frame_count < LEAST_GROUPS * count:
-        return 1.0, None
-    parts = photos.frame_count // count
-    part = np.arange(photos.frame_count) % parts
-    part[parts * count :] = -1
-    square, size = 0.0, 0
-    alone = replace(reference, rig=replace(reference.rig, covariance=None))
-    groups = min(parts, MOST_GROUPS)
-    for group in range(groups):
-        some = keep_frames(photos, part == group)
-        seen = photo_scores(alone, some, *error_modes(photos.points, None, is_exact=is_exact))
-        if seen is not None:
-            z = _in_standard(seen, 1.0)[0]
-            square, size = square + float(z @ z), size + len(z)
-    # Photos that a camera was solved from deviate less from it than new ones, by the share that they are of all.
-    found = square / max(size * (1 - count / photos.frame_count), 1.0)
-    return (float(np.sqrt(found)), groups) if found > SURELY_MORE else (1.0, None)
+    modes = None if photos is None else error_modes(photos.points, None, is_exact=is_exact)
+    seen = None if photos is None or modes is None else photo_scores(reference.own, photos, *modes)
+    size = 0 if seen is None else min(count, len(seen.frames) // LEAST_GROUPS)
+    if seen is None or not size:
+        return None
+    rng, total = np.random.default_rng(0), len(seen.frames)
+    inverse = symmetric_inverse(
+        seen.normal[: seen.count, : seen.count] + np.diag(seen.loose[: seen.count] ** -2.0)
+    ).inverse
+    square, expected, width = (dict[tuple[str, What], float]() for _ in range(3))
+    for _ in range(-(-GROUPS * size // total)):
+        order = rng.permutation(total)
+        for first in range(0, total - size + 1, size):
+            own = order[first : first + size].tolist()
+            group = replace(seen, frames=tuple(seen.frames[k] for k in own))
+            z, every = _in_standard(group, 1.0)
+            z = z / group.own_noise
+            anything = next(one for one in every if one.what == "anything")
+            solved = inverse[np.ix_(sorted(anything.rows), sorted(anything.rows))]
+            for one in every:
+                key, moved = (one.camera, one.what), one.basis.T @ anything.moved
+                square[key] = square.get(key, 0.0) + float(((z @ one.basis) ** 2).sum())
+                # Photos that a camera was solved from deviate less from it than new ones, by what it took of them.
+                taken = float(np.sum((moved @ solved) * moved))
+                expected[key] = expected.get(key, 0.0) + max(one.basis.shape[1] - taken, 0.0)
+                width[key] = max(width.get(key, 1), one.basis.shape[1])
+    found = {key: square[key] / max(value, 1e-9) for key, value in expected.items()}
+    freedom = {key: per * (total // size) for key, per in width.items()}
+    return _OwnPhotos(
+        {key: value for key, value in found.items() if chdtrc(freedom[key], value * freedom[key]) < SURELY}, total
+    )
 
 
 def _in_standard(seen: PhotoScores, own: float) -> tuple[Array, list["_Weighed"]]:
@@ -232,15 +285,16 @@ def _in_standard(seen: PhotoScores, own: float) -> tuple[Array, list["_Weighed"]
 
 
 def _tested(
-    seen: PhotoScores, dispersion: tuple[float, int | None], names: Sequence[str], left: Sequence[LeftOut],
+    seen: PhotoScores, own: _OwnPhotos | None, misfit: float, names: Sequence[str], left: Sequence[LeftOut],
     false_alarms: float, seed: int, *, contradict: bool,
 ) -> DriftTest:  # fmt: skip
     """The test itself."""
     known = seen.rig.covariance is not None
     z, every = _in_standard(seen, 1.0 if known else 1.0 + len(seen.frames) / AS_MANY)
-    more, groups = dispersion
-    seen = seen if groups is None else replace(seen, freedom=groups)
-    z, every = z / more, [replace(one, moved=one.moved / more) for one in every]
+    if own is not None:
+        more = [own.beyond(one) for one in every]
+        every = [replace(one, more=beyond) for one, beyond in zip(every, more, strict=True)]
+        seen = seen if max(more) == 1 else replace(seen, freedom=min(seen.freedom, own.count))
     told = [one for one in every if one.what not in ("size", "bend")]  # errors of the target are no change of a camera
 
     rng = np.random.default_rng(seed)
@@ -249,19 +303,20 @@ def _tested(
     size = np.array([one.basis.shape[1] for one in told])
     square = np.stack([((drawn @ one.basis) ** 2).sum(axis=1) / spread for one in told], axis=1)
     smallest = np.sort(_by_chance(size, seen.freedom, square).min(axis=1))
-    found = np.array([((z @ one.basis) ** 2).sum() for one in told])
+    found = np.array([((z @ one.basis) ** 2).sum() / one.more for one in told])
     least = float(_by_chance(size, seen.freedom, found).min())
     p = min(float(1 + np.searchsorted(smallest, least, side="right")) / (DRAWS + 1), len(told) * least)
     limit = float(np.quantile(smallest, false_alarms))
-    explanations = tuple(_explained(one, z, seen.freedom, limit) for one in every)
+    beyond = max((one.more for one in every if one.what == "anything"), default=1.0)
+    explanations = tuple(_explained(one, z, seen.freedom, limit, beyond) for one in every)
     changed = p <= false_alarms and not contradict
-    sights = [one for frame in seen.sights for one in frame]
-    own = [[one for one in sights if one.given.camera == c] for c in range(len(seen.rig.cameras))]
+    of = [[one for one in seen.sights if one.given.camera == c] for c in range(len(seen.rig.cameras))]
     return DriftTest(
-        p, false_alarms, explanations, _causes(explanations) if changed else (), tuple(names), tuple(left), contradict,
+        p, false_alarms, explanations, _causes(explanations) if changed else (), tuple(names), tuple(left),
+        misfit * float(np.sqrt(max(one.more for one in every))), seen.times_free, contradict,
         seen.scale, seen.freedom, seen.distance_mm,
-        tuple(np.concatenate([np.zeros((0, 2)), *(one.given.center_px for one in each)]) for each in own),
-        tuple(np.concatenate([np.zeros((0, 2)), *(one.off_px for one in each)]) for each in own),
+        tuple(np.concatenate([np.zeros((0, 2)), *(one.given.center_px for one in each)]) for each in of),
+        tuple(np.concatenate([np.zeros((0, 2)), *(one.off_px for one in each)]) for each in of),
     )  # fmt: skip
 
 
@@ -280,13 +335,14 @@ def _weighed(white: Array, camera: str, what: What, change: Array) -> _Weighed:
     return _Weighed(camera, what, rows, left[:, value > 1e-6], moved)
 
 
-def _explained(one: _Weighed, z: Array, freedom: int, limit: float) -> DriftHypothesis:
+def _explained(one: _Weighed, z: Array, freedom: int, limit: float, beyond: float) -> DriftHypothesis:
     """What is said of a hypothesis, and what of its kind would be seen."""
     from scipy.special import fdtri, ncfdtrinc
 
     size = np.array([one.basis.shape[1], len(z) - one.basis.shape[1]])
     explained = float(((z @ one.basis) ** 2).sum())
-    p, left_p = _by_chance(size, freedom, np.array([explained, max(float(z @ z) - explained, 0.0)])).tolist()
+    left = max(float(z @ z) - explained, 0.0) / beyond
+    p, left_p = _by_chance(size, freedom, np.array([explained / one.more, left])).tolist()
     most = max(size[0], 1)
     critical = float(fdtri(most, freedom, 1 - limit))
     apart = np.sqrt(ncfdtrinc(most, freedom, 1 - POWER, critical))  # found with the power asked for
@@ -295,8 +351,8 @@ def _explained(one: _Weighed, z: Array, freedom: int, limit: float) -> DriftHypo
     weakest = float(values[-1]) if one.basis.shape[1] == one.moved.shape[1] else 0.0
     return DriftHypothesis(
         one.camera, one.what, p, left_p,
-        solved.inverse @ (one.moved.T @ z), np.sqrt(np.diagonal(solved.covariance)),
-        float(apart) / weakest if weakest > 0 else np.inf, one.rows,
+        solved.inverse @ (one.moved.T @ z), np.sqrt(one.more * np.diagonal(solved.covariance)),
+        float(apart) * np.sqrt(one.more) / weakest if weakest > 0 else np.inf, one.rows,
     )  # fmt: skip
 
 

@@ -91,6 +91,7 @@ class _FrameScores:
     by_all: Array  # (R, N)
     by_place: Array  # (R, 3)
     pose: Array  # (R, 6) an orthonormal basis of what was projected off
+    sights: tuple[_Sight, ...]  # whose rows these are
 
     @cached_property
     def normal(self) -> Array:
@@ -103,6 +104,13 @@ class _FrameScores:
         """Scores.  # (N,)"""
         gradient: Array = self.by_all.T @ self.residual
         return gradient
+
+    @cached_property
+    def smooth(self) -> tuple[tuple[_Sight, slice, Array], ...]:
+        """Of each sight its rows, and directions in them that are smooth over the photo."""
+        last = np.cumsum([one.residual.size for one in self.sights]).tolist()
+        every = [(one, slice(end - one.residual.size, end)) for one, end in zip(self.sights, last, strict=True)]
+        return tuple((one, rows, _smooth(one, self, rows)) for one, rows in every)
 
     def left(self, found: Array) -> Array:
         """What unknowns (N,) leave over.  # (R,)"""
@@ -117,7 +125,6 @@ class PhotoScores:
     reference: Reference
     points: KnownPoints
     number: tuple[int, ...]  # (V,) of the frames that have a pose
-    sights: tuple[tuple[_Sight, ...], ...]  # of each frame
     frames: tuple[_FrameScores, ...]
     extra: int  # unknowns that are behind the cameras': the target's size and bend; then those of a variance of one
     own_mm: Array  # (K, 3, C) of each point's own
@@ -137,9 +144,19 @@ class PhotoScores:
         return self.rig.first_row[-1]
 
     @property
+    def sights(self) -> list[_Sight]:
+        """Of all frames."""
+        return [one for frame in self.frames for one in frame.sights]
+
+    @property
+    def shown(self) -> list[int]:
+        """Rows of the cameras that see anything."""
+        return sorted({one.given.camera for one in self.sights})
+
+    @property
     def distance_mm(self) -> float:
         """From a camera to the target, the median."""
-        return float(np.median([one.distance_mm for frame in self.sights for one in frame]))
+        return float(np.median([one.distance_mm for one in self.sights]))
 
     @cached_property
     def normal(self) -> Array:
@@ -150,6 +167,23 @@ class PhotoScores:
     def gradient(self) -> Array:
         """Of all frames.  # (N,)"""
         return np.asarray(np.sum([one.gradient for one in self.frames], axis=0))
+
+    @property
+    def times_free(self) -> float:
+        """What the file's cameras leave over, beside what is left over if all may be anything."""
+        by_file, free = (sum(float(one @ one) for one in each) for each in (
+            [frame.residual for frame in self.frames], [frame.left(self.free) for frame in self.frames]
+        ))  # fmt: skip
+        return float(np.sqrt(by_file / max(free, 1e-300)))
+
+    @property
+    def own_noise(self) -> float:
+        """The noise by some of the photos alone, in that of all, as it would have been found."""
+        free = symmetric_inverse(self.normal + np.diag(self.loose**-2.0)).inverse @ self.gradient
+        noise = _noise(self.frames, free, self.loose, len(self.scale))[0]
+        known = self.reference.scale
+        noise = noise if known is None else np.where(known > MORE * noise * self.scale, known / self.scale, noise)
+        return float(np.sqrt((noise[self.shown] ** 2).mean()))
 
     @property
     def covariance_factor(self) -> Array:
@@ -245,12 +279,13 @@ def photo_scores(reference: Reference, seen: RigObservations, modes_mm: Array, o
             )
             given[k] = [one.keep(sound[i:j]) for one, i, j in zip(given[k], first, first[1:], strict=False)]
         scale = scale * robust
-    noise, freedom = _noise(frames, free, sights, loose, len(scale))
-    if reference.scale is not None:  # which says what other photos leave over of this lens
+    noise, freedom = _noise(frames, free, loose, len(scale))
+    is_stated = any(one.cov_px2 is not None for one in seen.sightings)
+    if reference.scale is not None and reference.is_stated == is_stated:  # what other photos leave over of this lens
         noise = np.where(reference.scale > MORE * noise * scale, reference.scale / scale, noise)
     frames, free = _free(rig, sights, modes, field_px, scale * noise, loose)
     return PhotoScores(
-        reference, points, tuple(found), sights, frames, 1 + len(bend), own_mm, scale * noise, freedom, loose, free
+        reference, points, tuple(found), frames, 1 + len(bend), own_mm, scale * noise, freedom, loose, free
     )  # fmt: skip
 
 
@@ -386,27 +421,23 @@ def _free(
         frames.append(_FrameScores(
             camera, np.repeat(np.concatenate([one.given.point for one in frame]), 2),
             residual - pose @ (pose.T @ residual), by_all - pose @ (pose.T @ by_all),
-            weight[:, None] * np.concatenate([one.by_place.reshape(-1, 3) for one in frame]), pose,
+            weight[:, None] * np.concatenate([one.by_place.reshape(-1, 3) for one in frame]), pose, tuple(frame),
         ))  # fmt: skip
     normal = np.sum([one.normal for one in frames], axis=0) + np.diag(loose**-2.0)
     gradient = np.sum([one.gradient for one in frames], axis=0)
     return tuple(frames), symmetric_inverse(normal).inverse @ gradient
 
 
-def _noise(
-    frames: Sequence[_FrameScores], free: Array, sights: Sequence[Sequence[_Sight]], loose: Array, cameras: int
-) -> tuple[Array, int]:
+def _noise(frames: Sequence[_FrameScores], free: Array, loose: Array, cameras: int) -> tuple[Array, int]:
     """The noise of each camera's residuals over photos' smooth directions (C,), and the least degrees of freedom."""
     normal = np.sum([one.normal for one in frames], axis=0) + np.diag(loose**-2.0)
     inverse = symmetric_inverse(normal).inverse
     square, freedom = np.zeros((2, cameras)), np.zeros((2, cameras))  # of smooth directions, and of all
-    for frame, seen in zip(frames, sights, strict=True):
-        left, first = frame.left(free), 0
-        for one in seen:
-            rows = slice(first, first := first + 2 * len(one.given.point))
+    for frame in frames:
+        left = frame.left(free)
+        for one, rows, basis in frame.smooth:
             taken = (frame.by_all[rows] @ inverse * frame.by_all[rows]).sum() + (frame.pose[rows] ** 2).sum()
-            smooth = _smooth(one, frame, rows)
-            for k, part in enumerate((smooth.T @ left[rows], left[rows])):
+            for k, part in enumerate((basis.T @ left[rows], left[rows])):
                 square[k, one.given.camera] += float(part @ part)
                 freedom[k, one.given.camera] += len(part) - taken
     seen_by = freedom[1] > 0

@@ -20,8 +20,20 @@ class Reference:
     rig: Rig  # with the covariance that its file states, if it does
     photo_covariance: Array | None = None  # (N, N) of what errors do that a single photo's centres share
     field_px: Array | None = None  # (C,) of what is fixed in the image and no lens of the model follows
-    scale: Array | None = None  # (C,) noise of its photos, in standard deviations that are stated
+    scale: Array | None = None  # (C,) noise of its photos, in standard deviations that are stated, or px
+    is_stated: bool = False  # whether they state them
     photos: RigObservations | None = None  # that it was solved from
+    solved: Rig | None = None  # if its file says something else
+
+    @property
+    def states_nothing(self) -> bool:
+        """Whether nobody says how sure the cameras are, nor what they leave over."""
+        return self.rig.covariance is None and self.scale is None
+
+    @property
+    def own(self) -> "Reference":
+        """The cameras as they were solved, beside their own photos: nothing of them is to be expected."""
+        return replace(self, rig=replace(self.solved or self.rig, covariance=None))
 
 
 def of_one_camera(seen: Observations) -> RigObservations:
@@ -39,14 +51,14 @@ def reference_of(known: "Calibration | RigCalibration | Rig | Camera") -> Refere
         rig = replace(known.rig, covariance=known.stated_covariance)
         photo = known.photo_covariance
         share = None if photo is None else photo * known.observations.frame_count
-        return Reference(rig, share, None, known.scale if known.weighted else None, _used(known))
+        return Reference(rig, share, None, known.scale, known.weighted, _used(known))
     error, field, count = known.photo_error, known.image_field, known.observations.view_count
     rig = replace(rig_of_one(known.camera), covariance=_with_pose(known.stated_covariance))
     photos = without_empty_views(keep_sightings(known.observations, ~known.is_outlier))
     return Reference(
         rig, None if error is None else _with_pose(count * error.param_covariance),
-        None if field is None else np.array([field.left_px]), np.array([known.scale]) if known.weighted else None,
-        of_one_camera(photos),
+        None if field is None else np.array([field.left_px]), np.array([known.scale]),
+        known.weighted, of_one_camera(photos),
     )  # fmt: skip
 
 

@@ -28,8 +28,8 @@ HEAD = 2**16
 """Characters from which a file's kind is told."""
 ONE_OF = "#"
 """Between a file of several cameras and the name of one."""
-POSES_ONLY = "pose_errors.csv"
-"""Of `calib hand-eye --poses`, which solves no camera."""
+VERDICT_FILE, POSES_ONLY = "verdict.json", "pose_errors.csv"
+"""Of a folder of results: the verdict, and what `calib hand-eye --poses` writes, which solves no camera."""
 BINARY = {".bin": "colmap", ".mat": "matlab"}
 """The formats of files that are no text, by their ends."""
 Format = TypeVar("Format", CameraFormat, RigFormat)
@@ -267,8 +267,11 @@ def open_camera(name: str, format_name: str | None = None, accept_px: float = AC
         return OpenedCamera(FORMATS[OWN], ReadCamera(camera, remarks=_taken_as_none(camera, own)), own)
     is_one_of = bool(mark) and not os.path.lexists(name)  # a file may have the mark in its own name
     path, wanted = (Path(before), after) if is_one_of else (Path(name), None)
+    said: tuple[str, ...] = ()
     if path.is_dir():
-        path = _camera_in(path)
+        name_in, of_rig = FORMATS[OWN].file_name, path / RIG_FORMATS[OWN].file_name
+        is_rig = not (path / name_in).exists() and of_rig.is_file()
+        path, said = (of_rig, ()) if is_rig else solved_in(path, name_in)
     largest = max(RIG.largest_bytes, FORMATS[OWN].max_bytes) if known is None else known.max_bytes
     text = file_text(path, largest, "a camera file", format_name)
     kind = known or recognise(text)
@@ -288,7 +291,7 @@ def open_camera(name: str, format_name: str | None = None, accept_px: float = AC
         raise InputError(f"{path}: {kind.title} holds one camera; leave out {shown('#' + wanted)}")
     read = kind.read(text, str(path), wanted)
     _require_close(read.refit, accept_px, name)
-    return OpenedCamera(kind, read, path)
+    return OpenedCamera(kind, replace(read, remarks=(*said, *read.remarks)), path)
 
 
 def _taken_as_none(camera: Camera, path: Path | None) -> tuple[str, ...]:
@@ -301,17 +304,42 @@ def _taken_as_none(camera: Camera, path: Path | None) -> tuple[str, ...]:
     return (f"of the lens's {len(names)} numbers the file lacks {' '.join(missing)}: taken as of a lens without",)
 
 
-def _camera_in(folder: Path) -> Path:
-    """The camera's or the rig's file in a folder of results."""
-    own, rig = FORMATS[OWN].file_name, folder / RIG_FORMATS[OWN].file_name
-    if not (folder / own).exists() and rig.is_file():
-        return rig
-    inside = [] if (folder / own).exists() else sorted(folder.glob(f"*/{own}"))
+def solved_in(folder: Path, name: str) -> tuple[Path, tuple[str, ...]]:
+    """The file of a name in a folder of results; of several models that which its verdict names, which is said.
+
+    Raises:
+        InputError: it holds those of several models and no verdict, or of a rig's cameras, one of which is to be named.
+    """
+    if (folder / name).exists():
+        return folder / name, ()
+    of_rig = sorted(folder.glob(f"cameras/*/{name}"))
+    if len(of_rig) == 1:
+        return of_rig[0], ()
+    inside = of_rig or sorted(folder.glob(f"*/{name}"))
+    best = "" if of_rig else _best_model(folder)
+    folders = [str(path.parent) for path in inside]
+    for path in inside:
+        if path.parent.name == best:
+            others = ", ".join(one for one in folders if one != str(path.parent))
+            return path, (f"of several models that which the verdict names is taken, {best}; or name one: {others}",)
     if inside:
-        models = ", ".join(str(path.parent) for path in inside)
-        raise InputError(f"{folder}: holds a camera in a folder of each model; name the folder of one: {models}")
-    require_camera(folder, own)
-    return folder / own
+        what = "camera" if of_rig else "model"
+        raise InputError(
+            f"{folder}: holds results in a folder of each {what}; name the folder of one: {', '.join(folders)}"
+        )
+    require_camera(folder, name)
+    return folder / name, ()
+
+
+def _best_model(folder: Path) -> str:
+    """The model that a folder's verdict names; "": there is none."""
+    place = folder / VERDICT_FILE
+    try:
+        document = parse_json(read_small_text(place, CAMERA.largest_bytes, "a verdict"), place, "a verdict")
+    except InputError:
+        return ""
+    verdict = document.get("verdict") if isinstance(document, dict) else None
+    return str(verdict.get("model")) if isinstance(verdict, dict) else ""
 
 
 def require_camera(folder: Path, name: str) -> None:

@@ -152,10 +152,14 @@ def test_the_kind_can_be_given() -> None:
         run("c.yaml", to="kolmap", out=Path("d.json"))
 
 
-def test_a_folder_of_several_models_names_theirs(folder: Path) -> None:
-    """A folder of `calib run` with all models holds a camera in a folder of each: the error names them."""
+def test_of_several_models_that_of_the_verdict_is_taken(folder: Path) -> None:
+    """A folder of `calib run` with all models holds a camera in a folder of each: without a verdict they are named."""
     for model in ("luhmann", "opencv"):
         run("barrel.json", to="json", out=folder / "run" / model / "camera.json")
     with pytest.raises(InputError, match="name the folder of one: run/luhmann, run/opencv"):
         open_camera("run")
     assert open_camera("run/opencv").path == Path("run/opencv/camera.json")
+    (folder / "run" / "verdict.json").write_text('{"verdict": {"model": "opencv"}}')
+    opened = open_camera("run")
+    assert opened.path == Path("run/opencv/camera.json")
+    assert "taken, opencv; or name one: run/luhmann" in opened.read.remarks[0]

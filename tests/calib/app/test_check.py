@@ -1,0 +1,76 @@
+"""`calib check`: what a folder or a file stands for, and what is said of cameras whose file tells less."""
+
+import shutil
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import calib
+from calib.app.check import NOT_AS_SOLVED, CameraCheck
+from calib.cameras.camera import load_camera
+from calib.observe.calibration_file import Provenance, write_calibration
+from calib.solver.calibration import Calibration
+from tests.support import drift_scenes, solver_scenes
+from tests.support.drift_scenes import CAMERA, photos_of, scaled
+
+POINTS = solver_scenes.board()
+
+
+@cache
+def solved() -> Calibration:
+    return drift_scenes.solved(POINTS, np.random.default_rng(1))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A calibration on disk."""
+    write_calibration(tmp_path / "opencv", solved(), Provenance("test 1"))
+    return tmp_path / "opencv"
+
+
+def checked(camera: Path, focal: float = 1.0, *, noise_px: float = 0.05) -> CameraCheck:
+    """By three new photos of the camera, of other focal lengths."""
+    seen = photos_of(scaled(CAMERA, focal), POINTS, 3, np.random.default_rng(4), noise_px=noise_px)
+    return calib.check(camera, None, seen, made="exact")
+
+
+def test_a_camera_file_beside_its_calibration_is_what_is_checked(folder: Path) -> None:
+    """What a person wrote into it is found, by the standard deviations of the calibration, not passed over."""
+    assert checked(folder).verdict == "yes"
+    scaled(solved().camera, 1.003).save(folder / "camera.json")
+    for place in (folder, folder / "camera.json"):
+        found = checked(place)
+        assert (found.verdict, found.causes[0].what, found.remarks) == ("no", "focal length", (NOT_AS_SOLVED,))
+    assert checked(folder / "calibration.json").verdict == "yes"
+
+
+def test_of_several_models_that_of_the_verdict_is_checked(folder: Path) -> None:
+    """Which is said; without a verdict they are named."""
+    shutil.copytree(folder, folder.parent / "luhmann")
+    with pytest.raises(calib.InputError, match="name the folder of one"):
+        checked(folder.parent)
+    (folder.parent / "verdict.json").write_text('{"verdict": {"model": "opencv"}}')
+    found = checked(folder.parent)
+    assert found.verdict == "yes"
+    assert "the verdict names is taken, opencv" in found.remarks[0]
+
+
+def test_a_file_alone_is_not_called_changed_where_a_lens_may_never_have_fitted(folder: Path) -> None:
+    """A small change is only said beside what the calibration left over; a large one is one in any case."""
+    camera = shutil.copy(folder / "camera.json", folder.parent / "alone.json")
+    assert np.array_equal(load_camera(camera).params, solved().camera.params)
+    assert checked(camera, 1.003, noise_px=0.2).verdict == "cannot say"
+    assert checked(camera, 1.02).verdict == "no"
+
+
+def test_a_calibration_that_misfits_says_so() -> None:
+    """A lens without distortion, of one that has it: nothing changed, and no photo says so."""
+    seen = photos_of(CAMERA, POINTS, 20, np.random.default_rng(2), half_angle_deg=50.0)
+    misfit = calib.solve(replace(seen, cov_px2=None), model="division").best.calibration
+    new = photos_of(CAMERA, POINTS, 3, np.random.default_rng(3))
+    found = calib.check(misfit, None, replace(new, cov_px2=None), made="exact")
+    assert found.verdict == "cannot say"
+    assert "the calibration itself misfits" in found.reason
