@@ -97,7 +97,7 @@ def key_facts(run: JudgedRun) -> Facts:
     photos = counted(seen.view_count, "photo")
     lit = lit_part(calibration)
     field = field_of_view_words(lit.camera, "" if lit.is_measured else "observations end")
-    scale = f", {calibration.scale:.3g} times the stated sigma" if calibration.weighted else ""
+    scale = f", {digits(calibration.scale, 2)} times the noise that is stated" if calibration.weighted else ""
     return Facts((
         ("camera", f"{best.model}, {width} x {height} px, {calibration.status}"),
         ("lens", f"{focal_title(camera)} {focal_length(calibration)} px, field of view {field}"),

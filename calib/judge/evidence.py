@@ -192,11 +192,9 @@ def lens_evidence(calibrations: Sequence[Calibration], best: int, halves: HalfSp
     stated = None
     if seen.cov_px2 is not None and len(seen.cov_px2):
         stated = math.sqrt(float(np.trace(seen.cov_px2, axis1=1, axis2=2).mean()) / 2)
-    freedom = 1 - (6 * views + len(judged.camera.params)) / max(2 * summary.count, 1)
-    sigma_px = summary.rmse / math.sqrt(2 * freedom) if freedom > 0 else math.nan
     return LensEvidence(
         name="", frames=views, sightings=summary.count, left_out=int(judged.is_outlier.sum()), rms_px=summary.rmse,
-        times_stated=sigma_px / stated if stated else None, coverage=covered, model=judged.camera.model,
+        times_stated=judged.scale if judged.weighted else None, coverage=covered, model=judged.camera.model,
         halves=compared, uncertainty=uncertainty_of(judged, covered, compared.factor), stated_sigma_px=stated,
         far_share=float((far & ~judged.is_outlier).sum()) / max(len(far), 1),
         left_out_share=float(judged.is_outlier.sum()) / max(len(far), 1),

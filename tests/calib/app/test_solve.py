@@ -141,7 +141,7 @@ def test_options_reach_the_solver() -> None:
     assert solved.fixed == ("k3",)
     assert solved.weighted
     assert re.search(r"^k3 +0 +fixed", said, re.MULTILINE)
-    assert "times the stated sigma" in said
+    assert "times the noise that is stated" in said
     options = read_calibration(Path("out/calibration.json"))[1].options
     assert (options.loss, options.focal_px, options.weighted) == ("huber", 900.0, True)
     assert (options.fixed, options.shared) == ((("k3", 0.0),), (("fx_px", "fy_px"),))
