@@ -105,7 +105,7 @@ def photo_target(
     """  # fmt: skip
     import numpy as np
 
-    from calib.detector.board_in_photo import boards_in
+    from calib.detector.board_in_photo import boards_in, loose_markers
     from calib.images.photo import read_image
     from designer.base.files import place_of
     from designer.page.output import asked_output
@@ -116,8 +116,14 @@ def photo_target(
         raise InputError(f"{odd[0]}: --from-photo tells that itself; leave it out, or give all with --marks")
     output = None if asked_output(out) is None else asked_place(out, "--from-photo")
     place = place_of(from_photo, "a photo")
-    found = boards_in(read_image(place).pixels)
+    pixels = read_image(place).pixels
+    found = boards_in(pixels)
     if not found:
+        if loose := loose_markers(pixels):
+            raise NoAnswerError(
+                f"{place}: shows {loose[0]} markers of {loose[1]}, but no one board explains them: are there several "
+                "boards (cover all but one), or markers on their own? A target needs a grid of tags or a ChArUco board"
+            )
         raise NoAnswerError(
             f"{place}: shows no chessboard, ChArUco board, grid of tags or grid of circles that is found; take it from "
             "in front, sharp, with white all around it (a target of `design` has its file with it)"

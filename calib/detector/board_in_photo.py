@@ -18,7 +18,7 @@ from scipy.optimize import minimize_scalar
 from calib.core.linear_algebra import solve_square
 from calib.detector.boards import as_bytes
 from calib.detector.marks import FINDERS
-from calib.detector.marks.chessboard import darkness, is_whole, largest, lattices_at, scales_of, turned
+from calib.detector.marks.chessboard import darkness, is_checkered, is_whole, largest, lattices_at, scales_of, turned
 from calib.detector.marks.circles import grids_in, layouts_of, named, plan_of, step_radii
 from calib.detector.marks.markers import Markers, factors, read_markers
 from designer.base.arrays import Array, Rows
@@ -40,8 +40,6 @@ NEAR = 0.3
 """Of a step: a neighbour is off its place in the lattice by less."""
 LEAST_CIRCLES = 3, 12
 """Along a side, and in all."""
-CHECKERED = 0.9
-"""Places in squares that must have the right shade."""
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
@@ -81,6 +79,13 @@ def boards_in(photo: NDArray[np.generic]) -> tuple[BoardInPhoto, ...]:
 
 def _is_found(pixels: Pixels, marks: FaceMarks) -> bool:
     return any(len(face.row) for face in FINDERS[marks.kind](pixels, [marks]))
+
+
+def loose_markers(photo: NDArray[np.generic]) -> tuple[int, str] | None:
+    """How many markers are seen, and of which dictionary, where they make no board."""
+    pixels = as_bytes(photo)
+    seen = (one for factor in factors(pixels.shape) for one in _all_markers(pixels, factor))
+    return max(((len(one.number), one.dictionary) for one in seen), default=None)
 
 
 def _all_markers(pixels: Pixels, factor: int) -> Iterator[_Markers]:
@@ -295,7 +300,7 @@ def _has_squares(markers: _Markers, place: Rows, step: float, pixels: Pixels) ->
 def _chessboard(pixels: Pixels) -> Iterator[BoardInPhoto]:
     """The largest chessboard that is whole, at any scale."""
     every = [at for scale in scales_of(pixels) for at in lattices_at(pixels, scale)]
-    boards = [at for at in every if min(at.shape[:2]) >= LEAST_CORNERS and is_whole(at) and _is_checkered(pixels, at)]
+    boards = [at for at in every if min(at.shape[:2]) >= LEAST_CORNERS and is_whole(at) and is_checkered(pixels, at)]
     if not boards:
         return
     best = largest(boards)
@@ -308,23 +313,6 @@ def _chessboard(pixels: Pixels) -> Iterator[BoardInPhoto]:
         (f"{columns - 1} x {rows - 1} inner corners are seen, so {columns} x {rows} squares or more",),
         ("how many squares there are, if the photo does not show all, and which side is up",),
     )  # fmt: skip
-
-
-def _is_checkered(pixels: Pixels, corner_px: Array) -> bool:
-    """Whether squares between corners (H, W, 2) are dark and light in turn up to their corners, as no circles are."""
-    x, y = np.array([0.5, 0.2, 0.8, 0.2, 0.8]), np.array([0.5, 0.2, 0.2, 0.8, 0.8])
-    shares = [(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y]
-    four = [corner_px[:-1, :-1], corner_px[:-1, 1:], corner_px[1:, :-1], corner_px[1:, 1:]]
-    at = sum(share[:, None] * one[:, :, None] for share, one in zip(shares, four, strict=True))
-    row, column = np.nonzero(np.isfinite(at).all(axis=(2, 3)))
-    u, v = np.moveaxis(np.round(at[row, column]).astype(int), -1, 0)
-    shade = pixels[v.clip(0, pixels.shape[0] - 1), u.clip(0, pixels.shape[1] - 1)].astype(float)
-    first = (row + column) % 2 == 0
-    if first.all() or not first.any():
-        return False
-    middle = 0.5 * (np.median(shade[first]) + np.median(shade[~first]))
-    is_dark = (shade < middle) == (np.median(shade[first]) < middle)
-    return bool(np.mean(is_dark == first[:, None]) > CHECKERED)
 
 
 def _circles(pixels: Pixels) -> Iterator[BoardInPhoto]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.detector.marks import FoundFace
-from calib.detector.saddles import CornerLattice, find_lattices
+from calib.detector.saddles import CornerLattice, find_lattices, levels_at
 from designer.base.arrays import Array
 from designer.marks.chessboard import Chessboard
 from designer.marks.face_marks import FaceMarks
@@ -23,6 +23,8 @@ WHOLE = 0.75
 SURE = 0.9
 """With this share a lattice is no chance."""
 WORTH_A_WORD = 12
+CHECKERED, BRIDGED = 0.9, 0.8
+"""Places in squares that must have the right shade; how far a corner's own shade may be from half-way to a square's."""
 AMBIGUOUS = "ambiguous orientation (these squares look the same turned): the most upright one is taken"
 SWAPPED = "dark and light squares are exchanged: another board than the target's (`light_first`), or a mirrored photo"
 WHOLE_NEEDED = "a chessboard needs all of it in view, a ChArUco board does not"
@@ -106,8 +108,41 @@ def is_whole(at: Array) -> bool:
 
 
 def largest(lattices: Sequence[Array]) -> Array:
-    """That of most corners; large ones that hang on by a few are clutter."""
-    return max(lattices, key=lambda at: at.size * _share(at) ** 4)
+    """That of most corners and large squares; those that hang on by a few, and boards on a screen, are clutter."""
+    return max(lattices, key=lambda at: at.size * _share(at) ** 4 * _square_px(at) ** 0.5)
+
+
+def _square_px(at: Array) -> float:
+    """The side of a square."""
+    steps = [np.linalg.norm(np.diff(at, axis=axis), axis=2).ravel() for axis in (0, 1)]
+    return float(np.nanmedian(np.concatenate(steps)))
+
+
+def is_checkered(pixels: NDArray[np.uint8], at: Array) -> bool:
+    """Whether a lattice's squares are dark and light in turn up to their corners, and corners half-way between.
+
+    Between circles, or rings, the ground is one: it has the same shade at each place that looks like a corner.
+    """
+    x, y = np.array([0.5, 0.2, 0.8, 0.2, 0.8]), np.array([0.5, 0.2, 0.2, 0.8, 0.8])
+    shares = [(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y]
+    four = [at[:-1, :-1], at[:-1, 1:], at[1:, :-1], at[1:, 1:]]
+    place = sum(share[:, None] * one[:, :, None] for share, one in zip(shares, four, strict=True))
+    row, column = np.nonzero(np.isfinite(place).all(axis=(2, 3)))
+    first = (row + column) % 2 == 0
+    if first.all() or not first.any():
+        return False
+    shade = levels_at(pixels, place[row, column])
+    middle = 0.5 * (np.median(shade[first]) + np.median(shade[~first]))
+    is_dark = (shade < middle) == (np.median(shade[first]) < middle)
+    around = np.full(place.shape[:2], np.nan)
+    around[row, column] = shade[:, 0]
+    light, dark = (
+        f([around[:-1, :-1], around[:-1, 1:], around[1:, :-1], around[1:, 1:]], axis=0) for f in (np.max, np.min)
+    )
+    inner = np.isfinite(light) & np.isfinite(at[1:-1, 1:-1, 0])
+    away = np.abs(2 * levels_at(pixels, at[1:-1, 1:-1][inner]) - light[inner] - dark[inner])
+    is_bridged = len(away) > 0 and np.median(away) > BRIDGED * np.median((light - dark)[inner])
+    return bool(np.mean(is_dark == first[:, None]) > CHECKERED and not is_bridged)
 
 
 def _by_opencv(pixels: NDArray[np.uint8], size: tuple[int, int]) -> Array | None:
@@ -124,7 +159,7 @@ def _by_opencv(pixels: NDArray[np.uint8], size: tuple[int, int]) -> Array | None
 def _told(pixels: NDArray[np.uint8], seen: Sequence[Array], size: tuple[int, int], face: int) -> list[FoundFace]:
     """What is seen instead of the board, if that is no chance."""
     seen = [one for one in seen if min(one.shape[:2]) > 1 and np.isfinite(one[..., 0]).sum() >= WORTH_A_WORD]
-    seen = [one for one in seen if _share(one) >= SURE]
+    seen = [one for one in seen if _share(one) >= SURE and is_checkered(pixels, one)]
     if not seen:
         return []
     best = largest(seen)

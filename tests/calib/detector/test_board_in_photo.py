@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from calib.detector.board_in_photo import boards_in
 from calib.detector.marks import FINDERS
+from calib.detector.saddles import find_lattices
 from designer.marks.aprilgrid import AprilGrid
 from designer.marks.charuco import Charuco
+from designer.marks.chessboard import Chessboard
 from designer.marks.circles import Circles
 from designer.marks.face_marks import FaceMarks
 from designer.target import load_target
@@ -124,6 +126,50 @@ def test_rings_and_nothing_are_no_board(tmp_path: Path) -> None:
     answer = calib("target", "--from-photo", tmp_path / "empty.png")
     assert answer.code == 1
     assert "shows no chessboard" in answer.out + answer.err
+
+
+def squares_of(columns: int, rows: int, side: int) -> NDArray[np.uint8]:
+    """A chessboard seen from in front."""
+    dark = (np.add.outer(np.arange(rows), np.arange(columns)) % 2 == 0).repeat(side, axis=0).repeat(side, axis=1)
+    return np.where(dark, 40, 220).astype(np.uint8)
+
+
+@pytest.mark.parametrize("diameter", [22, 26, 31])
+def test_the_ground_between_circles_is_no_chessboard(diameter: int) -> None:
+    """Bridges between large circles look like corners from afar, but are as light as the ground is."""
+    photo = np.full((260, 320), 200, np.uint8)
+    for x, y in np.ndindex(6, 6):
+        cv2.circle(photo, (16 * (60 + 37 * x), 16 * (35 + 37 * y)), 8 * diameter, 40, -1, cv2.LINE_AA, 4)
+    (found,) = boards_in(cv2.GaussianBlur(photo, (0, 0), 1.0).astype(np.uint8))
+    assert layout(found.marks) == layout(Circles((6, 6), 37.0, float(diameter)))
+
+
+def test_a_drawn_board_is_one_lattice() -> None:
+    """A corner just between pixels, as in pictures without noise, is one corner."""
+    photo = np.full((330, 450), 230, np.uint8)
+    photo[30:310, 30:430] = squares_of(10, 7, 40)
+    assert [one.size for one in find_lattices(cv2.GaussianBlur(photo, (0, 0), 0.8).astype(np.uint8))] == [(9, 6)]
+
+
+def test_a_board_in_the_hand_is_meant_not_one_on_a_screen_behind() -> None:
+    """Of two chessboards the one with large squares is proposed, though the other has more corners."""
+    photo = np.full((480, 640), 230, np.uint8)
+    photo[40:320, 200:600] = squares_of(10, 7, 40)
+    photo[350:430, 10:122] = squares_of(14, 10, 8)
+    (found,) = boards_in(cv2.GaussianBlur(photo, (0, 0), 0.8).astype(np.uint8))
+    assert layout(found.marks) == layout(Chessboard((10, 7), 40.0))
+
+
+def test_markers_of_no_board_are_told(tmp_path: Path) -> None:
+    """Markers that lie anywhere are named by their dictionary, rather than that nothing was found."""
+    known = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_250)
+    photo = np.full((400, 700), 230, np.uint8)
+    for number, at in ((3, (40, 50)), (117, (90, 300)), (8, (210, 190)), (61, (240, 520))):
+        photo[at[0] : at[0] + 84, at[1] : at[1] + 84] = cv2.aruco.generateImageMarker(known, number, 84)
+    cv2.imwrite(str(tmp_path / "loose.png"), photo)
+    answer = calib("target", "--from-photo", tmp_path / "loose.png")
+    assert answer.code == 1
+    assert "shows 4 markers of DICT_5X5_1000, but no one board explains them" in answer.out + answer.err
 
 
 def test_a_ruler_makes_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
