@@ -26,6 +26,9 @@ FILE = "file"
 _TABLE = "a table of files or of sightings"
 MAX_TABLE_BYTES = 64 * 2**20
 EXAMPLE = "'{camera}_{frame}.png'"
+_USUAL = [f"{first}{gap}{last}.*" for gap in ("_", "-", "") for first, last in ((CAMERA, FRAME), (FRAME, CAMERA))]
+_USUAL += [f"*_{one}" for one in _USUAL[:2]]
+"""Patterns of names that one folder for all cameras may have."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +86,7 @@ def photos_in_folders(folders: Sequence[str]) -> tuple[RigPhoto, ...]:
         if not places:
             raise InputError(f"{folders[0]}: holds neither images nor folders of images, one a camera")
     elif len(places) == 1:
-        raise InputError(f"{folders[0]}: one folder of images; give a folder a camera, or --pattern {EXAMPLE}")
+        raise InputError(f"{folders[0]}: one folder of images; give a folder a camera, or {_usual_pattern(places[0])}")
     names = camera_names_of(places)
     require_names(names)
     photos: list[RigPhoto] = []
@@ -93,6 +96,31 @@ def photos_in_folders(folders: Sequence[str]) -> tuple[RigPhoto, ...]:
             raise InputError(found.failures[0] if found.failures else f"{place}: holds overlays only")
         photos += [RigPhoto(name, path) for path in found.paths]
     return tuple(photos)
+
+
+def _usual_pattern(folder: Path) -> str:
+    """The pattern that its names may have: that by which most frames are of the same cameras, two or more."""
+    names = [path.name for path in images_in(folder)]
+    frames: dict[str, tuple[int, list[str]]] = {}
+    for pattern in _USUAL:
+        parts = [match.group("camera", "frame") for name in names if (match := _expression(pattern).fullmatch(name))]
+        cameras = sorted({camera for camera, _ in parts})
+        count = len({frame for _, frame in parts})
+        if 1 < len(cameras) <= count and len(parts) == len(names) > 0.7 * len(cameras) * count:
+            frames[pattern] = count, cameras
+    if not frames:
+        return f"--pattern {EXAMPLE}"
+    best = max(frames, key=lambda pattern: (frames[pattern][0], -len("".join(frames[pattern][1]))))
+    return f"--pattern '{best}', by which they are of {some(frames[best][1])}"
+
+
+def _expression(pattern: str) -> re.Pattern[str]:
+    """What finds camera and frame in a name; where they touch, the frame is all of the digits there."""
+    named = re.escape(pattern).replace(r"\*", "[^/]*")
+    digits = "[0-9]+" if CAMERA + FRAME in pattern or FRAME + CAMERA in pattern else "[^/]+?"
+    for word, what in ((CAMERA, "[^/]+?"), (FRAME, digits)):
+        named = named.replace(re.escape(word), f"(?P<{word[1:-1]}>{what})")
+    return re.compile(named)
 
 
 def _subfolders(folder: Path) -> list[Path]:
@@ -120,7 +148,7 @@ def camera_names_of(folders: Sequence[Path]) -> list[str]:
 
 
 def photos_by_pattern(folders: Sequence[str], pattern: str) -> RigPhotos:
-    """The photos whose names a pattern tells apart, as `{camera}_{frame}.png`; `*` stands for anything.
+    """The photos whose names a pattern tells apart, as `{camera}_{frame}.png` or `{camera}{frame}.png`; `*`: anything.
 
     Args:
         folders: that hold them; with a `/` in the pattern it is of paths from there on.
@@ -132,9 +160,7 @@ def photos_by_pattern(folders: Sequence[str], pattern: str) -> RigPhotos:
     for word in (CAMERA, FRAME):
         if pattern.count(word) != 1:
             raise InputError(f"--pattern {shown(pattern)}: must hold {word} once, as in {EXAMPLE}")
-    named = re.escape(pattern).replace(r"\*", "[^/]*")
-    for word in (CAMERA, FRAME):
-        named = named.replace(re.escape(word), f"(?P<{word[1:-1]}>[^/]+?)")
+    expression = _expression(pattern)
     photos: list[RigPhoto] = []
     unlike: list[str] = []
     for folder in folders:
@@ -143,7 +169,7 @@ def photos_by_pattern(folders: Sequence[str], pattern: str) -> RigPhotos:
             raise InputError(f"{place}: no such folder; --pattern {shown(pattern)} is of the files in a folder")
         depth = pattern.count("/")
         for path in sorted(_files_at(place, depth), key=in_order):
-            match = re.fullmatch(named, path.relative_to(place).as_posix())
+            match = expression.fullmatch(path.relative_to(place).as_posix())
             if match is None:
                 unlike.append(path.name)
             else:

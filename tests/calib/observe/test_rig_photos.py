@@ -1,5 +1,6 @@
 """Photos of several cameras are joined to frames, or refused in a line; so are tables of what they saw."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -81,6 +82,35 @@ def test_a_pattern_tells_camera_and_frame(tmp_path: Path) -> None:
     for pattern, said in (("{camera}.png", "must hold {frame} once"), ("x{camera}_{frame}.png", "no image in")):
         with pytest.raises(InputError, match=said):
             photos_by_pattern([str(tmp_path)], pattern)
+
+
+@pytest.mark.parametrize(
+    ("names", "pattern", "cameras"),
+    [
+        ("left01 left02 left03 right01 right02 right03", "{camera}{frame}.*", ("left", "right")),
+        ("01L 02L 03L 01R 02R 03R", "{frame}{camera}.*", ("L", "R")),
+        ("cam1_007 cam2_007 cam1_008 cam2_008 cam1_009 cam2_009", "{camera}_{frame}.*", ("cam1", "cam2")),
+        ("7-a 8-a 9-a 7-b 8-b 9-b", "{frame}-{camera}.*", ("a", "b")),
+        ("img_l_1 img_l_2 img_l_3 img_r_1 img_r_2 img_r_3", "*_{camera}_{frame}.*", ("l", "r")),
+    ],
+)
+def test_one_folder_for_all_cameras_is_told_its_pattern(
+    tmp_path: Path, names: str, pattern: str, cameras: tuple[str, str]
+) -> None:
+    """The pattern that the names have is proposed with its cameras, and joins them."""
+    made(tmp_path, *(f"{name}.jpg" for name in names.split()))
+    with pytest.raises(InputError, match=re.escape(f"--pattern '{pattern}', by which they are of '{cameras[0]}'")):
+        photos_in_folders([str(tmp_path)])
+    found = photos_by_pattern([str(tmp_path)], pattern)
+    assert found.camera_names == cameras
+    assert all(len(of_frame) == 2 for of_frame in frames_of(found).values())
+
+
+def test_one_folder_of_one_camera_is_told_no_pattern(tmp_path: Path) -> None:
+    """Names that tell no cameras get an example only."""
+    made(tmp_path, "IMG_0001.jpg", "IMG_0002.jpg", "IMG_0003.jpg")
+    with pytest.raises(InputError, match=re.escape("or --pattern '{camera}_{frame}.png'")):
+        photos_in_folders([str(tmp_path)])
 
 
 def test_frames_that_match_nothing_are_told_by_name(tmp_path: Path) -> None:
