@@ -178,6 +178,7 @@ class _Places:
     ring: Rows  # (N,)
     center_px: Array  # (N, 2)
     px_from_mm: Array  # (N, 2, 2) by x and y of the face
+    farther: Array  # (N, 2) by what share a mm along them takes the face away from the camera
     bend: Array  # (N, 6)
 
 
@@ -209,8 +210,11 @@ def _places(target: TargetGeometry, seen: _Points, lens: Lens, image_size: tuple
             inside = (at_px[:, 0] >= 1) & (at_px[:, 0] <= np.array(image_size) - 2)
             good = inside.all(axis=1) & np.isfinite(by_mm).all(axis=(1, 2)) & (np.linalg.det(by_mm) != 0)
         center = at_px[good, 0]
-        parts.append(_Places(rows[good], center, by_mm[good], local_form(facing, center)[1]))
-    none = _Places(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros((0, 6)))
+        farther = matrix[2, :2] / depth[good, :1]
+        parts.append(_Places(rows[good], center, by_mm[good], farther, local_form(facing, center)[1]))
+    none = _Places(
+        np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros((0, 2)), np.zeros((0, 6))
+    )
     return _Places(*(np.concatenate([getattr(part, name) for part in (none, *parts)]) for name in vars(none)))
 
 
@@ -300,7 +304,7 @@ def _measured(pixels: NDArray[np.generic], target: TargetGeometry, named: _Point
             lens = _lens_of(target, seen, image_size)
         assert lens is not None  # noqa: S101 - the first round has one
         places = _places(target, seen, lens, image_size)
-        fits = _fitted(pixels, target, places, _starts(target, places, seen), blur_px)
+        fits = _fitted(pixels, target, places, _starts(target, places, seen), blur_px, turn < ROUNDS - 1)
         reason = _judged(fits, target, places, np.isin(places.ring, named.ring))
         good = reason == ""
         kept = int(np.isin(named.ring, places.ring[good]).sum())
@@ -315,11 +319,13 @@ def _measured(pixels: NDArray[np.generic], target: TargetGeometry, named: _Point
     face = np.where(good, 2 * target.ring_face[places.ring] + target.ring_index[places.ring].sum(axis=1) % 2, -1)
     radius_px = np.repeat(fits.half_px[:, None] / np.pi, 2, axis=1)
     ratios = variance_ratios(fits.scores, radius_px, _roughness(fits), face, SOFTENED_RATIO if is_soft else 1.0)
+    cov = ratios.ring[:, None, None] * fits.cov_px2
+    reason[good & (_sigma_px(cov) > MAX_SIGMA_PX / 2**0.5)] = VAGUE
+    good = reason == ""
     missing = [(int(ring), str(why)) for ring, why in zip(places.ring[~good], reason[~good], strict=True)]
     on_seen = np.flatnonzero(np.isin(target.ring_face, target.ring_face[places.ring]))
     missing += [(int(ring), OUTSIDE) for ring in np.setdiff1d(on_seen, places.ring)]
-    cov = ratios.ring[good, None, None] * fits.cov_px2[good]
-    return _Fits(places.ring[good], fits.center_px[good], cov, fits.half_px[good] / 2, tuple(missing))
+    return _Fits(places.ring[good], fits.center_px[good], cov[good], fits.half_px[good] / 2, tuple(missing))
 
 
 def _as_found(target: TargetGeometry, named: _Points, good: int) -> _Fits:
@@ -358,7 +364,12 @@ def _starts(target: TargetGeometry, places: _Places, seen: _Points) -> Array:
 
 
 def _fitted(
-    pixels: NDArray[np.generic], target: TargetGeometry, places: _Places, start_px: Array, blur_px: float
+    pixels: NDArray[np.generic],
+    target: TargetGeometry,
+    places: _Places,
+    start_px: Array,
+    blur_px: float,
+    is_rough: bool,
 ) -> CornerFits:
     """The corners of all places."""
     around = _around(target, places)
@@ -368,11 +379,13 @@ def _fitted(
         pixels,
         start_px,
         px_from_mm=px_from_mm,
+        farther=places.farther * around.way,
         is_saddle=around.is_saddle,
         room_mm=np.where(room_px.min(axis=1)[:, None] > LEAST_ROOM_PX, around.room_mm, 0.0),
         most_px=MOST_OFF * room_px.min(axis=1) + 1.0,
         blur_px=np.full(len(start_px), blur_px),
         bend=places.bend,
+        is_rough=is_rough,
     )
 
 
@@ -450,7 +463,7 @@ def strays(at_mm: Array, off_px: Array, cov_px2: Array) -> Flags:
             ridge = 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(3)
             by_offset = solve_square(normal + ridge, by_offset)
             size = np.linalg.norm(offset - linear @ (by_offset @ offset), axis=2) / np.sqrt(each)
-            usual = np.nanmedian(np.where(is_other, size, np.nan), axis=1, keepdims=True)
+            usual = np.sort(np.where(is_other, size, np.inf), axis=1)[:, near.shape[1] // 2 - 1, None]
             weight = even / (1 + (size / (2 * usual + 1e-9)) ** 2) ** 2
         share = by_offset[:, 0]
         rest = off_px[left] - np.einsum("nk,nki->ni", share, offset)

@@ -51,11 +51,11 @@ ROOM: Final = 28 * CHUNK
 MAX_PIXELS: Final = 4096
 BUDGET = 1000
 """Wider neighbourhoods are thinned: so many pixels hold a corner far better than any print is true."""
-FARTHEST_PX, FARTHEST_BLURS = 20.0, 4.0
-"""How far along the edges pixels are used."""
+FARTHEST_PX, ROUGHLY_PX, FARTHEST_BLURS = 30.0, 6.0, 4.0
+"""How far along the edges pixels are used, and are as long as neither the lens nor the blur is known."""
 BAND_PX, BAND_BLURS = 1.0, 3.0
 """How far from the edges."""
-WIDER = 2.0
+WIDER = 5.0
 """So many times as far a quarter of the pixels is used, for the levels; farther off light is not linear any more."""
 MARGIN_BLURS, MARGIN_OF_SADDLE, LEAST_BAND_PX = 2.3, 2.0, 0.9
 """What stands beyond the free neighbourhood shines into it so far; that around a saddle does so alike on both sides,
@@ -65,7 +65,7 @@ CROSSING = 4.0
 SQUARE = 1e-6
 """Of a right angle's cosine: the correlation has no part there."""
 MAX_ITERATIONS = 30
-CONVERGED_PX, MOVED_PX, NO_STEP = 1e-3, 0.25, 1e8
+CONVERGED_PX, MOVED_PX, NO_STEP = 5e-3, 0.25, 1e8
 SHARPEST_PX, SOFTEST_PX = 0.2, 15.0
 MOST_TURN_RAD = 0.5
 LEAST_SINE = 0.2
@@ -221,12 +221,20 @@ def _accumulate(
 
 @jit
 def _choose(
-    image: NDArray[np.generic], p: Floats, is_saddle: bool, mm_from_px: Floats, room_mm: Floats, pixels: Floats
+    image: NDArray[np.generic],
+    p: Floats,
+    is_saddle: bool,
+    mm_from_px: Floats,
+    q: Floats,
+    farther: Floats,
+    room_mm: Floats,
+    farthest_px: float,
+    pixels: Floats,
 ) -> tuple[int, float]:
     """Pixels in the free neighbourhood near the edges, u, v and grey level: how many, and how far along the edges.
 
-    x runs along the first edge, y along the second. Free is what has both of them within -`room_mm[1]` and
-    `room_mm[0]`, and one of them within `room_mm[2]`.
+    x runs along the first edge, y along the second, as the board's plane has them. Free is what has both of them
+    within -`room_mm[1]` and `room_mm[0]`, and one of them within `room_mm[2]`.
     """
     height, width = image.shape
     a, b, c, d = mm_from_px[0, 0], mm_from_px[0, 1], mm_from_px[1, 0], mm_from_px[1, 1]
@@ -237,7 +245,7 @@ def _choose(
     along_x, along_y = math.sqrt(c * c + d * d) / det, math.sqrt(a * a + b * b) / det
     margin = blur * (MARGIN_OF_SADDLE if is_saddle else MARGIN_BLURS)
     margin_x, margin_y = margin / across_x, margin / across_y
-    far, band = FARTHEST_PX + FARTHEST_BLURS * blur, BAND_PX + BAND_BLURS * blur
+    far, band = farthest_px + FARTHEST_BLURS * blur, BAND_PX + BAND_BLURS * blur
     most_x, most_y = min(room_mm[0] - margin_x, far / along_x), min(room_mm[0] - margin_y, far / along_y)
     least_x, least_y = max(margin_x - room_mm[1], -far / along_x), max(margin_y - room_mm[1], -far / along_y)
     if min(most_x, most_y, -least_x, -least_y) <= 0.0:
@@ -249,13 +257,20 @@ def _choose(
     long_x, long_y = (most_x - least_x) * along_x, (most_y - least_y) * along_y
     every = max(1, round(math.sqrt((long_x + long_y) * 2.0 * band / BUDGET)))
     far_x, far_y = max(most_x, -least_x), max(most_y, -least_y)
-    reach_u, reach_v = (abs(d) * far_x + abs(b) * far_y) / det, (abs(c) * far_x + abs(a) * far_y) / det
+    grown = 1.0 + abs(farther[0]) * far_x + abs(farther[1]) * far_y
+    reach_u = grown * (abs(d) * far_x + abs(b) * far_y) / det
+    reach_v = grown * (abs(c) * far_x + abs(a) * far_y) / det
     u_first, u_last = max(0, math.floor(p[U] - reach_u)), min(width - 1, math.ceil(p[U] + reach_u))
     v_first, v_last = max(0, math.floor(p[V] - reach_v)), min(height - 1, math.ceil(p[V] + reach_v))
     count = 0
     for v in range(v_first, v_last + 1, every):
         for u in range(u_first, u_last + 1, every):
-            x, y = a * (u - p[U]) + b * (v - p[V]), c * (u - p[U]) + d * (v - p[V])
+            du, dv = u - p[U], v - p[V]
+            x0 = du + q[0] * du * du + q[1] * du * dv + q[2] * dv * dv
+            x1 = dv + q[3] * du * du + q[4] * du * dv + q[5] * dv * dv
+            x, y = a * x0 + b * x1, c * x0 + d * x1
+            scale = 1.0 / (1.0 - farther[0] * x - farther[1] * y)
+            x, y = scale * x, scale * y
             if not (least_x <= x <= most_x and least_y <= y <= most_y) or count == MAX_PIXELS:
                 continue
             is_near = abs(y) <= near_y or abs(x) <= near_x
@@ -288,7 +303,10 @@ def _descend(
     work: Floats,
     rows: Floats,
 ) -> float:
-    """Levenberg-Marquardt from `start`, whose levels are solved for first; the sum of squares, or -1: no way down."""
+    """Levenberg-Marquardt from `start`, whose levels are solved for first; the sum of squares, or -1: no way down.
+
+    `work[0]` is left with the normal equations there.
+    """
     normal, damped, trial_normal = work[0], work[1], work[2]
     gradient, step, trial, trial_gradient = work[4, 0], work[4, 1], work[4, 2], work[4, 3]
     origin = start[:2]
@@ -391,10 +409,12 @@ def _fit_range(
     start: Floats,
     is_saddle: Flags,
     mm_from_px: Floats,
+    farther: Floats,
     room_mm: Floats,
     most_px: Floats,
     q: Floats,
     clip: Floats,
+    farthest_px: float,
     first: int,
     last: int,
     params: Floats,
@@ -411,7 +431,9 @@ def _fit_range(
         begin[:] = start[n]
         cost, count, half = -1.0, 0, 0.0
         for _ in range(3):
-            count, half = _choose(image, begin, is_saddle[n], mm_from_px[n], room_mm[n], pixels)
+            count, half = _choose(
+                image, begin, is_saddle[n], mm_from_px[n], q[n], farther[n], room_mm[n], farthest_px, pixels
+            )
             cost = -1.0
             if count < 2 * PARAMETERS:
                 break
@@ -426,7 +448,6 @@ def _fit_range(
         if cost < 0.0 or not _is_sane(params[n], start[n], most_px[n]):
             continue
         noise2 = max(cost / (count - PARAMETERS), 1e-6)
-        _accumulate(pixels, count, params[n], q[n], begin[:2], is_saddle[n], clip, work[0], work[4, 0], rows)
         if not cholesky_invert(work[0], work[1], work[3]):
             continue
         alone[n] = _score(
@@ -441,11 +462,13 @@ def fit_corners(
     near_px: Floats,
     *,
     px_from_mm: Floats,
+    farther: Floats,
     is_saddle: Flags,
     room_mm: Floats,
     most_px: Floats,
     blur_px: Floats,
     bend: Floats,
+    is_rough: bool = False,
 ) -> CornerFits:
     """Fit the corners near some pixels of an image.
 
@@ -454,11 +477,13 @@ def fit_corners(
         near_px: where to start.  # (N, 2)
         px_from_mm: the derivatives there of pixels by the board's x and y, which edges run along; of an L, by those
             that point into the lone quadrant.  # (N, 2, 2)
+        farther: by what share a mm along x and y takes the board away from the camera.  # (N, 2)
         is_saddle: else an L.  # (N,)
         room_mm: how far along the edges nothing else begins, forth and back, and how deep between them.  # (N, 3)
         most_px: how far a corner may be from its start.  # (N,)
         blur_px: to start with.  # (N,)
         bend: the lens's, as `calib.detector.lens.local_form` gives it.  # (N, 6)
+        is_rough: the pixels nearest to the corners will do.
     """
     count = len(near_px)
     start = np.zeros((count, PARAMETERS))
@@ -473,11 +498,15 @@ def fit_corners(
     params, cov, noise = start.copy(), np.zeros((count, 2, 2)), np.zeros(count)
     half_px, scores = np.zeros(count), Scores.empty(count)
     inverse, saddle = np.ascontiguousarray(solve_square(px_from_mm, np.eye(2))), np.ascontiguousarray(is_saddle)
-    room, most, lens = (np.ascontiguousarray(each, dtype=np.float64) for each in (room_mm, most_px, bend))
+    tilt, room, most, lens = (
+        np.ascontiguousarray(each, dtype=np.float64) for each in (farther, room_mm, most_px, bend)
+    )
+
+    farthest_px = ROUGHLY_PX if is_rough else FARTHEST_PX
 
     def run(first: int, last: int) -> None:
         _fit_range(
-            image, start, saddle, inverse, room, most, lens, clip, first, last,
+            image, start, saddle, inverse, tilt, room, most, lens, clip, farthest_px, first, last,
             params, cov, noise, scores.score, scores.alone, half_px,
         )  # fmt: skip
 

@@ -32,8 +32,7 @@ def bound_px2(photo: BoardPhoto, corner_px: Array, noise: float) -> Array:
 
     def even(move: tuple[float, float]) -> Array:
         shifted = np.array([[1, 0, move[0]], [0, 1, move[1]], [0, 0, 1.0]]) @ photo.px_from_mm
-        light = BoardPhoto(photo.size, shifted).light(checkered(BOARD))
-        return np.asarray(cv2.GaussianBlur(BLACK + (WHITE - BLACK) * light, (0, 0), BLUR_PX))
+        return BLACK + (WHITE - BLACK) * BoardPhoto(photo.size, shifted).light(checkered(BOARD), BLUR_PX)
 
     middle = (even((0, 0)) - BLACK) / (WHITE - BLACK) - 0.5
     slope = [

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from calib.detector import boards, pipeline
 from designer.marks.chessboard import Chessboard
 from designer.target import TargetGeometry, target_of_marks
-from tests.support.board_photos import BoardPhoto, checkered, facing
+from tests.support.board_photos import BoardPhoto, checkered, facing, seen_from_the_side
 
 SIZE = 320, 240
 
@@ -139,3 +139,11 @@ def test_a_corner_beside_its_place_is_told_by_those_around_it(bend_px: float, od
     cov = sigma[:, None, None] ** 2 * np.eye(2)
     assert np.flatnonzero(boards.strays(board.position_mm, off, cov)).tolist() == odd
     assert not boards.strays(board.position_mm[:5], off[:5], cov[:5]).any()
+
+
+@pytest.mark.parametrize("away_deg", [65, 88])
+def test_boards_beside_a_fisheye_are_found_and_measured(away_deg: float) -> None:
+    """No lens is known, and half of the board lies behind the camera: all corners are named, to a tenth of a pixel."""
+    board = Chessboard((7, 6), 20.0)
+    photo = seen_from_the_side((560, 560), away_deg, np.random.default_rng(1))
+    assert np.abs(errors_px(photo, board)).max() < 0.1
