@@ -413,11 +413,21 @@ def _in_frame(opened: "OpenedRig", frame: str | None) -> "OpenedRig":
 
 def _check_out(out: Path, target: "CameraFormat | RigFormat", source: "OpenedCamera | OpenedRig") -> None:
     """Refuse a place that does not suit the format, or holds the input, or something of somebody else's."""
+    from calib.cameras.formats.format import CameraFormat
+    from calib.cameras.formats.reading import BINARY
+    from calib.images.bag import SUFFIXES
+
+    told_by_ending = (*BINARY, ".toml", *SUFFIXES)
     if _is_folder(target):
         check_folder(out)
         return
     if out.is_dir():
         raise InputError(f"{out}: is a folder; name the file with -o, such as {out / target.file_name}")
+    kind, ending = target if isinstance(target, CameraFormat) else target.cameras, out.suffix.lower()
+    wanted = Path(target.file_name).suffix
+    if ending != wanted and (kind.encode is not str.encode or ending in told_by_ending):
+        by = f"{shown(ending)} means another kind of file" if ending in told_by_ending else "is told by its ending"
+        raise InputError(f"{out}: {target.title}: {by}; name it {out.with_suffix(wanted).name}")
     _require_not_read(out, source)
     require_ours(out)
 

@@ -9,6 +9,7 @@ import pytest
 import calib
 from calib.cameras import project
 from calib.cameras.camera import Camera, camera_to_json, load_camera
+from calib.cameras.formats import READ_FORMATS, WRITTEN_FORMATS
 from calib.cameras.formats.reading import open_camera
 from designer.base.answer import Summary
 from designer.base.errors import InputError
@@ -163,3 +164,25 @@ def test_of_several_models_that_of_the_verdict_is_taken(folder: Path) -> None:
     opened = open_camera("run")
     assert opened.path == Path("run/opencv/camera.json")
     assert "taken, opencv; or name one: run/luhmann" in opened.read.remarks[0]
+
+
+@pytest.mark.parametrize("kind", [name for name in WRITTEN_FORMATS if name in READ_FORMATS])
+def test_what_is_written_under_a_name_that_is_taken_is_read_back(kind: str) -> None:
+    """Whatever the ending: an ending that means another kind of file is refused, with the right one."""
+    usual = Path(WRITTEN_FORMATS[kind].file_name).suffix
+    for ending in (usual, "", f".{kind}", ".txt", ".mat", ".bin", ".toml", ".bag", ".mcap"):
+        try:
+            out = written("pinhole.json", kind, ending)
+        except InputError as error:
+            said = str(error)
+            assert ending != usual, said
+            assert said.endswith(f"name it back{usual}"), said
+        else:
+            assert open_camera(str(out)).read.camera.image_size == SIZE
+
+
+def written(camera: str, kind: str, ending: str) -> Path:
+    """The file of a camera in another format."""
+    out = Path(f"back{ending}")
+    run(camera, to=kind, out=out)
+    return out
