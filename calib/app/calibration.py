@@ -45,11 +45,7 @@ class SolvedCameras(Result, kind="cameras", title="Cameras"):
 
     @property
     def verdict(self) -> "Verdict":
-        """Whether to use what was solved, and why.
-
-        Raises:
-            ValueError: nobody judged.
-        """
+        """Whether to use what was solved, and why; ValueError: nobody judged."""
         if self.run.judged is None:
             raise ValueError("nobody judged the cameras of this folder")
         return self.run.judged.verdict

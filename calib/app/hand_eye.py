@@ -190,11 +190,7 @@ def wishes_of_one(
     camera: "Camera | Place | None", model: str, fix: Sequence[str],
     priors: "Mapping[str, tuple[float, float]] | Sequence[str]", minimise: str, free_bend: bool | None, *, refine: bool,
 ) -> "CameraWishes":  # fmt: skip
-    """What was asked for of the one camera.
-
-    Raises:
-        InputError: what it cannot have.
-    """
+    """What was asked for of the one camera; InputError: what it cannot have."""
     from calib.app.inputs import load_camera
     from calib.cameras.rig import ALONE
     from calib.judge.joint_solution import require_wishes, wishes_of

@@ -166,11 +166,7 @@ def _with_names_of_their_own(found: tuple[Detections, ...]) -> tuple[Detections,
 
 
 def truth_from(truth: "Truth | Place | None") -> "Truth | None":
-    """The truth of rendered photos, or that in a file.
-
-    Raises:
-        InputError: the file cannot be read; the message names it.
-    """
+    """The truth of rendered photos, or that in a file; InputError: the file cannot be read; the message names it."""
     if truth is None:
         return None
     from calib.renderer.truth import TRUTH, Truth
@@ -313,11 +309,7 @@ def rig_named(
 
 
 def require_photos_for_jobs(jobs: int | None) -> None:
-    """Refuse a number of photos to be searched at a time where there are none.
-
-    Raises:
-        InputError: it is given.
-    """
+    """Refuse a number of photos to be searched at a time where there are none; InputError: it is given."""
     if jobs is not None:
         raise InputError("--jobs: says how many photos are searched at a time; a table needs none, leave it out")
 
@@ -379,11 +371,7 @@ def photos_given(
     photos: Place | Iterable[Place], images: "Iterable[Pixels] | None", topic: str | None = None,
     target: "TargetGeometry | None" = None, progress: Progress = unheard,
 ) -> "FoundPhotos":  # fmt: skip
-    """The photos, or images in memory instead.
-
-    Raises:
-        InputError: neither or both are given, or an image is none.
-    """
+    """The photos, or images in memory instead; InputError: neither or both are given, or an image is none."""
     from calib.observe.photos import photos_of_arrays
 
     if images is None:
@@ -398,11 +386,7 @@ def photos_given(
 
 
 def criteria_of(criteria: "Criteria | Place") -> "Criteria":
-    """Limits, or those of a template or a file.
-
-    Raises:
-        InputError: neither.
-    """
+    """Limits, or those of a template or a file; InputError: neither."""
     from calib.judge.checks import read_criteria
     from calib.judge.verdict import Criteria
 

@@ -226,11 +226,7 @@ def exports_folder(target: str | PathLike[str]) -> Path:
 
 
 def grid_of(grid: tuple[int, int] | None, pitch_mm: float | None) -> "PointGrid | None":
-    """The corners of a `corners.vnl`.
-
-    Raises:
-        InputError: one without the other.
-    """
+    """The corners of a `corners.vnl`; InputError: one without the other."""
     if grid is None and pitch_mm is None:
         return None
     if grid is None or pitch_mm is None:

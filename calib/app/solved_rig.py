@@ -226,11 +226,7 @@ def settings_of(*given: tuple[str, object]) -> tuple[tuple[str, str], ...]:
 
 
 def begun(out: "Output | Place | None") -> "Output | None":
-    """The folder that a rig is written to.
-
-    Raises:
-        InputError: it takes none.
-    """
+    """The folder that a rig is written to; InputError: it takes none."""
     to = SolvedRig.begun(out)
     if to is not None:
         to.answer = {"verdict": None}

@@ -7,7 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from calib.app.options import Dask, Grid, ImageSize, Jobs, Pitch, Resume, Seed, grid_of
+from calib.app.options import Dask, Grid, ImageSize, Jobs, Pitch, Resume, Seed
 from calib.app.study_result import FORMATS, STUDY_OUT, TABLES, StudyResult, rows_to_csv, sampling_in
 from calib.cameras import DEFAULT, fitted_models
 from designer.base.errors import InputError
@@ -19,11 +19,10 @@ from designer.page.output import Output, output_of
 from designer.page.progress import Progress, unheard
 
 if TYPE_CHECKING:
-    from calib.app.inputs import Observed, Place
+    from calib.app.inputs import Place
     from calib.core.types import Detections, Observations
     from calib.draw.style import FigureSheet
-    from calib.observe.corners_vnl import PointGrid
-    from calib.studies.cost.ratios import CostTable, RealPhotos
+    from calib.studies.cost.ratios import CostTable
     from calib.studies.runner import DrawCount
     from designer.page.blocks import Page
     from designer.target import TargetGeometry
@@ -116,24 +115,28 @@ def study_cost(
         InputError: numbers, photos or a folder that cannot be used.
         StudyStoppedError: interrupted; what is finished is kept.
     """
+    from calib.app.inputs import file_or_observations
     from calib.studies.cost import ratios
     from calib.studies.identity import photos_read
     from calib.studies.store import read_study
 
-    usual, corners = QUICK if quick else USUAL, grid_of(grid, pitch_mm)
+    usual = QUICK if quick else USUAL
     sets, starts = (known if one is None else one for one, known in zip((sets, starts), usual, strict=True))
     output = output_of(out)
     CostStudy.check(output.place)
     real = None
     own: Mapping[str, Path | str] = {}
     if detections is not None:
-        real = _real_photos(detections, target, model or DEFAULT, image_size, corners)
+        name = cut(printable(Path(detections).name)) if isinstance(detections, str | PathLike) else ""
+        seen = file_or_observations(detections, target, image_size, grid, pitch_mm)
+        real = ratios.RealPhotos(name or OWN, seen, model or DEFAULT)
         own = photos_read(real.observations, detections, target=target)
     else:
-        of_photos = (("--target", target), ("--model", model), ("--image-size", image_size), ("--grid", grid))
-        for name, value in of_photos:
-            if value is not None:
-                raise InputError(f"{name}: says nothing without photos of your own; give --detections too")
+        of_photos = {
+            "--target": target, "--model": model, "--image-size": image_size, "--grid": grid, "--pitch": pitch_mm,
+        }  # fmt: skip
+        if odd := next((name for name, value in of_photos.items() if value is not None), ""):
+            raise InputError(f"{odd}: says nothing without photos of your own; give --detections too")
     plan = ratios.CostPlan(sets, starts, seed, *(("", "") if real is None else (real.name, real.model)))
     identity = ratios.identity(plan, own)
     with sampling_in(output, jobs, dask, resume=resume, progress=progress) as sampling:
@@ -145,18 +148,3 @@ def study_cost(
         with read_study(sampling.path) as study:
             found = CostStudy(ratios.table_of(study, plan), sampled, str(output.place))
     return found.saved(output, progress)
-
-
-def _real_photos(
-    observed: "Observed", target: "TargetGeometry | Place | None", model: str, image_size: tuple[int, int] | None,
-    grid: "PointGrid | None",
-) -> "RealPhotos":  # fmt: skip
-    """Own photos, and how they are solved; InputError: they cannot be read, or there is no such model."""
-    from calib.app.inputs import load_observations, observations_of
-    from calib.studies.cost.ratios import RealPhotos
-
-    if isinstance(observed, str | PathLike):
-        name = cut(printable(Path(observed).name)) or OWN
-        seen = load_observations(observed, target, image_size=image_size, grid=grid)
-        return RealPhotos(name, seen, model)
-    return RealPhotos(OWN, observations_of(observed, target), model)

@@ -72,11 +72,7 @@ class TargetContents(Result, kind="target", title="Target", doing="reading the t
         return Page("", "", Headline("note", printable(self.file), told), parts, lead=(Facts(facts),), next_steps=steps)
 
     def save(self, place: "Place", *, command: str = "", has_page: bool = False) -> tuple[Path, ...]:
-        """Write the target file.
-
-        Raises:
-            InputError: it cannot be written, ends otherwise, or is somebody else's.
-        """
+        """Write the target file; InputError: it cannot be written, ends otherwise, or is somebody else's."""
         from designer.target import target_to_json
 
         output = asked_place(place, "a target")

@@ -81,11 +81,7 @@ class ClipPhotos:
 
 
 def photos_of_clip(path: Path, target: TargetGeometry, progress: Progress) -> FoundPhotos:
-    """The frames of one clip to be searched, named CLIP-NUMBER.
-
-    Raises:
-        InputError: no frame of it can be read.
-    """
+    """The frames of one clip to be searched, named CLIP-NUMBER; InputError: no frame of it can be read."""
     found = photos_of_clips({"": path}, target, progress)
     return FoundPhotos(tuple(found.of[""].values()), remarks=found.remarks)
 

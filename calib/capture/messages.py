@@ -120,11 +120,7 @@ def text_of(message: Message) -> str:
 
 
 def command_from(text: str) -> PageCommand:
-    """What the page says.
-
-    Raises:
-        ValueError: it is no command.
-    """
+    """What the page says; ValueError: it is no command."""
     return decode(PageCommand, cast("JsonValue", json.loads(text)))
 
 
@@ -135,11 +131,7 @@ def with_header(header: FrameHeader, image: bytes) -> bytes:
 
 
 def header_of(data: bytes) -> tuple[FrameHeader, memoryview]:
-    """A binary message's header, and its image.
-
-    Raises:
-        ValueError: it is none.
-    """
+    """A binary message's header, and its image; ValueError: it is none."""
     length = int.from_bytes(data[:4], "little")
     if not 0 < length <= min(MOST_HEADER_BYTES, len(data) - 4):
         raise ValueError("a binary message without a header")

@@ -97,11 +97,7 @@ class PhotoFolder:
         self._number = max((int(path.stem) for _, path in there if path.stem.isdecimal()), default=0)
 
     def begin(self) -> None:
-        """Write the record.
-
-        Raises:
-            InputError: the folder cannot be written.
-        """
+        """Write the record; InputError: the folder cannot be written."""
         write_files({self.folder / SESSION_FILE: SESSION.text(self.record)})
 
     @property
@@ -123,11 +119,7 @@ class PhotoFolder:
         return files
 
     def leave_out(self, name: str, *, is_left_out: bool = True) -> None:
-        """Note that a photo is not to count, or is to count again.
-
-        Raises:
-            NotWrittenError: the disk is full.
-        """
+        """Note that a photo is not to count, or is to count again; NotWrittenError: the disk is full."""
         others = tuple(one for one in self.record.left_out if one != name)
         record = replace(self.record, left_out=(*others, name) if is_left_out else others)
         write_files({self.folder / SESSION_FILE: SESSION.text(record)})

@@ -138,11 +138,7 @@ class Pages:
 
 
 def frame_of(data: bytes) -> Frame:
-    """A frame from a page's message.
-
-    Raises:
-        ValueError: it is none.
-    """
+    """A frame from a page's message; ValueError: it is none."""
     header, image = header_of(data)
     if not (0 < header.width <= MOST_SIDE_PX and 0 < header.height <= MOST_SIDE_PX and header.source == 0):
         raise ValueError("a frame of no size")

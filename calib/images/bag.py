@@ -185,11 +185,7 @@ class Bag:
                 return
 
     def read(self, place: MessagePlace, kind: str) -> object:
-        """A message again, of a type.
-
-        Raises:
-            InputError: it cannot be read.
-        """
+        """A message again, of a type; InputError: it cannot be read."""
         reader = self._readers[place.file]
         try:
             with self._lock:

@@ -100,11 +100,7 @@ _ONE_RAW = threading.Lock()
 
 
 def heic_pixels(data: bytes) -> "Grey":
-    """Blue, green, red of a HEIC file, 8 or 16 bits, not turned.  # (H, W, 3)
-
-    Raises:
-        DamagedError: it cannot be decoded.
-    """
+    """Blue, green, red of a HEIC file, 8 or 16 bits, not turned; DamagedError: it cannot be decoded.  # (H, W, 3)"""
     with _decoder_of("HEIC"):
         import pillow_heif
 

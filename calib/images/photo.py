@@ -260,22 +260,14 @@ def grey_of(image: Grey) -> Grey:
 
 
 def grey_pixels(image: "NDArray[np.generic] | str | PathLike[str]") -> Grey:
-    """Grey levels (H, W) of an array or a file, as the detector takes them.
-
-    Raises:
-        InputError: it is no image.
-    """
+    """Grey levels (H, W) of an array or a file, as the detector takes them; InputError: it is no image."""
     if isinstance(image, str | PathLike):
         return read_image(Path(image)).pixels
     return grey_of(require_image(image))
 
 
 def require_image(image: NDArray[np.generic]) -> Grey:
-    """The array, if it is an image.
-
-    Raises:
-        InputError: it is none.
-    """
+    """The array, if it is an image; InputError: it is none."""
     if not isinstance(image, np.ndarray):
         raise InputError(f"{type(image).__name__}: is no image; give a numpy array (H, W) or (H, W, 3), or a file")
     if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in (1, 3, 4)) or not image.size:

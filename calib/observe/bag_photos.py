@@ -82,11 +82,7 @@ class BagImages:
 
 
 def images_in(bag: Bag, topics: Sequence[Topic]) -> dict[str, BagImages]:
-    """The images of topics, of which one at least can be read.
-
-    Raises:
-        InputError: none of a topic can be; it says why.
-    """
+    """The images of topics, of which one at least can be read; InputError: none of a topic can be; it says why."""
     found = {topic.name: BagImages(bag, topic) for topic in topics}
     for place, message in bag.messages(topics):
         images = found[place.topic]

@@ -97,11 +97,7 @@ def read_observations(
 
 
 def require_kind(points: str | None, diameter_mm: float | None) -> None:
-    """Refuse what no point is.
-
-    Raises:
-        InputError: no such kind, or a diameter of what is none.
-    """
+    """Refuse what no point is; InputError: no such kind, or a diameter of what is none."""
     if points not in (None, *POINTS):
         raise InputError(f"--points {shown(str(points))}: give corner, ring, or circle:13mm, circles of that diameter")
     if diameter_mm is not None and (points != CIRCLE or not 0 < diameter_mm <= MAX_LENGTH_MM):

@@ -66,11 +66,7 @@ class PhotoFile:
     is_kept: bool = False  # a run keeps it as a file, as it is one of many in a clip
 
     def read(self) -> Photo:
-        """Its pixels in grey.
-
-        Raises:
-            InputError: they cannot be read; it names the photo.
-        """
+        """Its pixels in grey; InputError: they cannot be read; it names the photo."""
         return read_image(self.path) if self.opened is None else self.opened()
 
 
@@ -202,11 +198,7 @@ def _photos_at(path: Path, of_clip: Callable[[Path], FoundPhotos] | None) -> Fou
 
 
 def photos_of_arrays(images: Iterable[NDArray[np.generic]]) -> FoundPhotos:
-    """Images in memory, named image-1, image-2, ... in their order.
-
-    Raises:
-        InputError: one is no image; it names the first.
-    """
+    """Images in memory, named image-1, image-2, ... in their order; InputError: one is no image; it names the first."""
     photos = []
     for number, image in enumerate(images, start=1):
         name = f"image-{number}"
@@ -362,11 +354,7 @@ def why_failed(error: Exception, what: str = "") -> str:
 
 
 def require_size(name: str, pixels: NDArray[np.generic], camera: Camera | None) -> None:
-    """Refuse a photo of another size than the camera's that took it.
-
-    Raises:
-        InputError: the message names it.
-    """
+    """Refuse a photo of another size than the camera's that took it; InputError: the message names it."""
     height, width = pixels.shape[:2]
     if camera is not None and camera.image_size != (width, height):
         raise InputError(
@@ -381,11 +369,7 @@ AT_ONCE = 4
 
 @contextmanager
 def staging_folder(place: Path, option: str = "--overlay") -> Iterator[Path]:
-    """A folder inside the pictures' final place, gone afterwards.
-
-    Raises:
-        InputError: the place takes no files.
-    """
+    """A folder inside the pictures' final place, gone afterwards; InputError: the place takes no files."""
     check_folder(place, option)
     try:
         place.mkdir(parents=True, exist_ok=True)
@@ -399,11 +383,7 @@ def staging_folder(place: Path, option: str = "--overlay") -> Iterator[Path]:
 
 
 def keep_pictures(staging: Path, place: Path) -> tuple[Path, ...]:
-    """Put finished pictures in their place, which is returned.
-
-    Raises:
-        InputError: one would replace somebody else's file.
-    """
+    """Put finished pictures in their place, which is returned; InputError: one would replace somebody else's file."""
     pictures = sorted(staging.iterdir())
     for picture in pictures:
         require_ours(place / picture.name, picture.read_bytes())

@@ -163,11 +163,7 @@ def ids_of(target: TargetGeometry) -> Rows:
 
 
 def read_points(path: Path) -> PointTable:
-    """Read a table of points.
-
-    Raises:
-        InputError: it cannot be read, or a line breaks a rule; the message names it.
-    """
+    """Read a table of points; InputError: it cannot be read, or a line breaks a rule; the message names it."""
     from scipy.spatial import cKDTree
 
     table = _table(path, _POINT_COLUMNS, "a table of points", MAX_POINTS)
@@ -203,11 +199,7 @@ def read_points(path: Path) -> PointTable:
 
 
 def read_planes(path: Path) -> dict[str, Plane]:
-    """Read a table of planes.
-
-    Raises:
-        InputError: it cannot be read, or a line breaks a rule; the message names it.
-    """
+    """Read a table of planes; InputError: it cannot be read, or a line breaks a rule; the message names it."""
     table = _table(path, _PLANE_COLUMNS, "a table of planes", MAX_PLANES)
     names = [name.strip() for name in table.cells["plane"]]
     table.require(np.array([names.index(name) == row for row, name in enumerate(names)]), "the plane a second time")

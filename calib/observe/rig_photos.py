@@ -283,11 +283,7 @@ _KEYS: tuple[tuple[Callable[[RigPhoto], str], str], ...] = (
 
 
 def with_stamps(photos: Sequence[RigPhoto], stamps: Mapping[Path, float]) -> tuple[RigPhoto, ...]:
-    """The photos with time stamps, by the real paths of their files.
-
-    Raises:
-        InputError: a photo has none.
-    """
+    """The photos with time stamps, by the real paths of their files; InputError: a photo has none."""
     without = [photo.path.name for photo in photos if Path(os.path.realpath(photo.path)) not in stamps]
     if without:
         raise InputError(f"no time stamp for {some(without)}; add {'them' if len(without) > 1 else 'it'}")

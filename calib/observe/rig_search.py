@@ -101,11 +101,7 @@ def rig_input(
     times: Place | None = None,
     tolerance_s: float | None = None,
 ) -> RigInput:
-    """What a person gave, if it fits together.
-
-    Raises:
-        InputError: it does not.
-    """
+    """What a person gave, if it fits together; InputError: it does not."""
     try:
         folders = tuple(fspath(one) for one in ([photos] if isinstance(photos, str | PathLike) else photos))
     except TypeError as error:
@@ -122,11 +118,7 @@ def rig_input(
 
 
 def photos_of_rig(given: RigInput) -> RigPhotos:
-    """The photos, joined to frames.
-
-    Raises:
-        InputError: they cannot be; the message names them.
-    """
+    """The photos, joined to frames; InputError: they cannot be; the message names them."""
     if given.images is not None:
         return given.images
     if given.table is not None:

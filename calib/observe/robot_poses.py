@@ -86,11 +86,7 @@ class RobotPoses:
         freeze(self, "base_from_flange", "angles_rad", "time_s", "covariance")
 
     def sorted_by_time(self) -> "RobotPoses":
-        """The same in the order of time.
-
-        Raises:
-            InputError: two poses are of one time.
-        """
+        """The same in the order of time; InputError: two poses are of one time."""
         if self.time_s is None:
             return self
         order = np.argsort(self.time_s, kind="stable")

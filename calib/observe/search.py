@@ -69,11 +69,7 @@ class PhotoSearch:
     progress: Progress = unheard
 
     def once(self, camera: "Camera | None" = None) -> Search:
-        """Search with the lens of a camera, if it is known.
-
-        Raises:
-            InputError: not one photo could be searched.
-        """
+        """Search with the lens of a camera, if it is known; InputError: not one photo could be searched."""
         start = time.perf_counter()
         return self._found(
             self._looked(look_for(self.target, camera), self.overlay_folder, PhotoFile.read), start, self.photos.remarks
@@ -138,11 +134,7 @@ def write_search(table: Path, search: Search) -> Records:
 
 
 def refuse_nothing(failures: Sequence[str], otherwise: str) -> None:
-    """End what has nothing to work on: with the first failure, or with a word if nothing failed.
-
-    Raises:
-        InputError: always.
-    """
+    """End what has nothing to work on: with the first failure, or with a word if nothing failed; InputError: always."""
     others = f" (and {len(failures) - 1} more like it)" if len(failures) > 1 else ""
     raise InputError(f"{failures[0] if failures else otherwise}{others}")
 
