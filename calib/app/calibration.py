@@ -82,36 +82,31 @@ class Run(
 ):
     """Cameras of one or several models from the same photos, judged: `run.best.camera`, `run.verdict.grade`."""
 
-    judged_run: "JudgedRun"
+    run: "JudgedRun"  # as it is read from its folder
     task: "SolveTask | None" = None  # None: of a folder
     search: "Search | None" = None  # of the photos; None: solved from observations, or of a folder
     place: Path | None = None  # the folder; None: nothing is written
     truth_file: Path | None = None  # of rendered photos
 
     @property
-    def run(self) -> "JudgedRun":  # type: ignore[override]  # a field of a rig
-        """As it is read from its folder."""
-        return self.judged_run
-
-    @property
     def solutions(self) -> "tuple[Solution, ...]":
         """What came of each model."""
-        return self.judged_run.solutions
+        return self.run.solutions
 
     @property
     def best(self) -> "Solution":
         """The camera to go on with: determined, of a model that other programs know, with the least residuals."""
-        return self.judged_run.best
+        return self.run.best
 
     @property
     def next_views(self) -> "tuple[NextView, ...]":
         """Photos that would make the camera better."""
-        return self.judged_run.next_views
+        return self.run.next_views
 
     @property
     def target(self) -> "TargetGeometry | None":
         """As it was used; None: the points came from elsewhere."""
-        return self.judged_run.target
+        return self.run.target
 
     @property
     def observations(self) -> "Observations":
@@ -180,7 +175,7 @@ class Run(
     @property
     def _as_stored(self) -> "JudgedRun":
         """As it would be read from its folder, so that the page is the same."""
-        return replace(self.judged_run, solutions=tuple(one.without_truth for one in self.judged_run.solved))
+        return replace(self.run, solutions=tuple(one.without_truth for one in self.run.solved))
 
     def _next(self) -> Iterator[tuple[str, str]]:
         """What to type with a camera that may be used, and what it is for."""
@@ -203,7 +198,7 @@ class Run(
         from calib.judge.verdict import Verdict
         from designer.base.codec import encode
 
-        judged = self.judged_run.judged
+        judged = self.run.judged
         verdict = None if judged is None else cast("dict[str, Value]", encode(Verdict, judged.verdict))
         solved = solutions_answer(self.solutions, self.best.model, self.place or Path())
         return {**found, **solved, "verdict": verdict}
@@ -216,8 +211,8 @@ class Run(
         """
         from calib.app.calibration_folder import RunFolder
 
-        kept = RunFolder(out, [one.model for one in self.solutions]).write_all(self.judged_run, self.search)
-        return replace(self, judged_run=kept)
+        kept = RunFolder(out, [one.model for one in self.solutions]).write_all(self.run, self.search)
+        return replace(self, run=kept)
 
     def _repr_html_(self) -> str:
         from html import escape

@@ -185,10 +185,11 @@ class SolvedRig(
         """
         import numpy as np
 
-        from calib.draw.rig_pictures import remove_rig_pictures
+        from calib.draw.rig_pictures import pictures_in
         from calib.judge.folders import keep_target, kind_in, write_rig
         from calib.judge.hand_eye_file import HAND_EYE, HAND_EYE_FILE
         from calib.judge.next_robot_poses import photo_names
+        from calib.observe.photos import remove_ours
         from calib.observe.rig_observations import rig_sightings_to_csv
         from calib.observe.robot_poses import robot_poses_to_csv
         from designer.page.page_file import why_no_page
@@ -210,7 +211,7 @@ class SolvedRig(
         out.write(tables)
         if run.target is not None:
             out.files += keep_target(folder, run.target, is_again=is_again)
-        remove_rig_pictures(folder, run.found)
+        remove_ours(pictures_in(folder, run.found))  # of an earlier run, which may be of other photos
         out.finished.append(folder)
         return replace(self, folder=folder)
 

@@ -8,14 +8,7 @@ from pathlib import Path
 from calib.draw.gallery import OVERLAYS, Shot, gallery
 from calib.draw.run_photos import PhotoRow, caption_of, overlay_paths, used_rows
 from calib.judge.views import view_facts
-from calib.observe.photos import (
-    OVERLAY_MARK,
-    keep_pictures,
-    no_empty_folders,
-    remove_ours,
-    staging_folder,
-    with_overlays,
-)
+from calib.observe.photos import OVERLAY_MARK, keep_pictures, no_empty_folders, staging_folder, with_overlays
 from calib.observe.rig_search import RigSearch
 from calib.rigs.result import RigCalibration
 from calib.rigs.rig_calibration_file import CAMERAS, folder_names
@@ -96,11 +89,6 @@ def draw_rig_pictures(folder: Path, found: RigCalibration, search: RigSearch) ->
             keep_pictures(staging, place)
         failures += [result.overlay_failure for result in drawn.results if result.overlay_failure]
     return tuple(failures)
-
-
-def remove_rig_pictures(folder: Path, found: RigCalibration) -> None:
-    """Remove the pictures that an earlier run drew, which may be of other photos."""
-    remove_ours(pictures_in(folder, found))
 
 
 def pictures_in(folder: Path, found: RigCalibration) -> tuple[Path, ...]:
