@@ -146,7 +146,7 @@ def test_resolved_spec_gives_the_same_job(asked: tuple[str, dict[str, object]]) 
 
 
 @each_kind
-@settings(max_examples=4)
+@settings(max_examples=2)
 @given(data=st.data())
 def test_resolved_spec_holds_each_option(name: str, data: st.DataObject) -> None:
     """One after the other, of whatever value."""
