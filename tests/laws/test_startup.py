@@ -11,6 +11,7 @@ import pytest
 
 from calib.cameras.camera import camera_to_json
 from designer.target import target_to_json
+from tests.support.programs import modules_loaded_by
 from tests.support.ring_views import CAMERA, board, view_of
 
 ROOT = Path(__file__).parents[2]
@@ -91,3 +92,9 @@ def test_everyday_commands_load_what_they_use(scene: Path, tmp_path: Path) -> No
         f"solve {scene}/detections.csv --target {scene}/board.target.json --model opencv --no-page -o solved",
         folder=tmp_path,
     )  # fmt: skip
+
+
+def test_predictions_load_no_splines() -> None:
+    """What is foretold of prints and cameras waits for no interpolation, which only moving targets and cells take."""
+    loaded = modules_loaded_by("import calib.studies.tolerance.explore, calib.studies.tolerance.forecast")
+    assert not {"scipy.interpolate", "scipy.stats", "matplotlib"} & loaded
