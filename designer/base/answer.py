@@ -1,7 +1,6 @@
 """What a command answers to a program: one JSON document, the same envelope for every command (docs/json.md)."""
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -71,6 +70,8 @@ def document(summary: Summary, *, command: str, line: str, error: str | None) ->
         line: the command as it was typed.
         error: why it did not come to its end, in one line.
     """
+    from designer.base.codec import encode_by_value  # here: who only asks for help needs no files
+
     envelope: dict[str, Value] = {
         "format": FORMAT,
         "version": VERSION,
@@ -84,15 +85,4 @@ def document(summary: Summary, *, command: str, line: str, error: str | None) ->
         "error": error,
         "answer": summary.answer,
     }
-    return json.dumps(plain(envelope), allow_nan=False) + "\n"
-
-
-def plain(value: Value) -> Value:
-    """A value as JSON has it; null for a number that is not finite."""
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    if value is None or isinstance(value, str | int):
-        return value
-    if isinstance(value, Mapping):
-        return {name: plain(one) for name, one in value.items()}
-    return [plain(one) for one in value]
+    return json.dumps(encode_by_value(envelope), allow_nan=False) + "\n"

@@ -122,7 +122,7 @@ def _encode(hint: object, value: object) -> JsonValue:
     if value is None:
         return None
     if isinstance(base, str | ForwardRef):
-        return _encode_by_value(value)
+        return encode_by_value(value)
     origin, inner = get_origin(base), get_args(base)
     if origin in (Union, types.UnionType):
         members = _members(inner)
@@ -161,14 +161,14 @@ def _members(inner: tuple[object, ...]) -> list[object]:
     return members
 
 
-def _encode_by_value(value: object) -> JsonValue:
-    """Where the type is not loaded; a number that is not finite is not known."""
+def encode_by_value(value: object) -> JsonValue:
+    """As JSON, where the type is not loaded, or is none of files; a number that is not finite is not known."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, tuple | list):
-        return [_encode_by_value(item) for item in value]
+        return [encode_by_value(item) for item in value]
     if isinstance(value, Mapping):
-        return {str(key): _encode_by_value(item) for key, item in value.items()}
+        return {str(key): encode_by_value(item) for key, item in value.items()}
     if value is None or isinstance(value, str | bool | int):
         return value
     return _encode(type(value), value) if dataclasses.is_dataclass(value) else _encode_array(value, has_gaps=True)

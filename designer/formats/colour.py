@@ -47,12 +47,8 @@ def colour_files(
     yield "colour.zip", zipped(files), f"the same in OBJ with its MTL; {ask}"
 
 
-def _rgb(colour: str) -> list[int]:
-    return list(ImageColor.getrgb(colour)[:3])
-
-
 def _shares(colour: str) -> str:
-    return " ".join(f"{value / 255:.6g}" for value in _rgb(colour))
+    return " ".join(f"{value / 255:.6g}" for value in ImageColor.getrgb(colour)[:3])
 
 
 def _threemf(name: str, mesh: ColouredMesh, colours: dict[str, str], bed_from_target: Array) -> tuple[str | bytes, ...]:
@@ -76,8 +72,8 @@ def _ply(mesh: ColouredMesh, colours: dict[str, str]) -> bytes:
     for triangles, colour in zip((mesh.body, mesh.ink), colours.values(), strict=True):
         used, corner = np.unique(triangles, return_inverse=True)
         vertex, face = np.zeros(len(used), _VERTEX), np.zeros(len(triangles), _FACE)
-        vertex["place"], vertex["colour"] = mesh.surface.vertices_mm[used], _rgb(colour)
-        face["count"], face["corner"], face["colour"] = 3, corner.reshape(-1, 3) + count, _rgb(colour)
+        vertex["place"], vertex["colour"] = mesh.surface.vertices_mm[used], ImageColor.getrgb(colour)[:3]
+        face["count"], face["corner"], face["colour"] = 3, corner.reshape(-1, 3) + count, ImageColor.getrgb(colour)[:3]
         vertices.append(vertex)
         faces.append(face)
         count += len(used)

@@ -41,15 +41,8 @@ def error_model_for(target: TargetGeometry) -> Assumed | None:
     if target.spec is not None:
         name = BUILDS[builds_of(target.form)[0]].errors_of(target.form, target.face_count) or _BY_OTHERS[1]
         return Assumed(error_model(name), f"its file does not say how the {target.spec.kind} was built")
-    return Assumed(
-        error_model(_BY_OTHERS[0 if target.is_planar else 1]), f"it was made by others and has {_faces_words(target)}"
-    )
-
-
-def _faces_words(target: TargetGeometry) -> str:
-    if target.is_planar:
-        return "one face"
-    return "a front and a back" if target.is_plate else "several faces"
+    has = "one face" if target.is_planar else "a front and a back" if target.is_plate else "several faces"
+    return Assumed(error_model(_BY_OTHERS[0 if target.is_planar else 1]), f"it was made by others and has {has}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calib.observe.calibration_file import read_calibration
-from designer.base.answer import StoppedError, Summary, Value, command_line, document, plain
+from designer.base.answer import StoppedError, Summary, Value, command_line, document
+from designer.base.codec import encode_by_value
 from tests.support import programs
 from tests.support.command_line import LENIENT, calib, design, rows_of_csv, summary_of
 from tests.support.command_scene import BOARD, CAMERA, FOUND, PHOTOS, SEEN, SHIFT_PX
@@ -141,12 +142,12 @@ def test_any_answer_is_strict_json(value: Value) -> None:
     text = document(Summary({"value": value}), command="c", line="c", error=None)
     assert text.isascii()
     assert text.count("\n") == 1
-    assert json.loads(text)["answer"]["value"] == expected(value) == plain(value)
+    assert json.loads(text)["answer"]["value"] == expected(value) == encode_by_value(value)
 
 
 def test_numpy_numbers_are_numbers() -> None:
     """A float64 is a float to JSON too, and one that is not finite is null."""
-    assert plain([np.float64(0.5), np.float64("nan")]) == [0.5, None]
+    assert encode_by_value([np.float64(0.5), np.float64("nan")]) == [0.5, None]
 
 
 def _keys(value: object) -> Iterator[tuple[str, object]]:

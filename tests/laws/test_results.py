@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from designer.base.answer import plain
+from designer.base.codec import encode_by_value
 from designer.page import capability
 from designer.page.blocks import FileList
 from designer.page.page_file import PAGE
@@ -64,7 +64,7 @@ def test_memory_folder_page_and_json_tell_the_same(
     if not found or found[0].kind in OF_PHOTOS:
         return
     result, summary = found[0], summary_of(answer)
-    assert summary["answer"] == json.loads(json.dumps(plain(result.answer())))
+    assert summary["answer"] == json.loads(json.dumps(encode_by_value(result.answer())))
     capfd.readouterr()
     page = result.page()
     assert (page.headline is not None and page.headline.sentence != "") or result.kind == "rescaled"
