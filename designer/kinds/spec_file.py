@@ -5,8 +5,9 @@ The command line's options are read by the same rules: a key of a file and an op
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias, TypeVar, cast
 
@@ -107,11 +108,17 @@ def _colour(value: str) -> str:
     return value.lower()
 
 
-def _count(value: RawValue) -> int:
-    count = int(value) if isinstance(value, str) and re.fullmatch(r"\d{1,5}", value) else value
-    if isinstance(count, bool) or not isinstance(count, int) or not 0 < count < 100_000:
-        raise ValueError("must be a whole number above zero")
-    return count
+def _whole(least: int, below: int, rule: str) -> Reads:
+    """A whole number, also as text of as many digits."""
+
+    def read(value: RawValue) -> int:
+        is_text = isinstance(value, str) and value.isascii() and value.isdecimal() and len(value) < len(str(below))
+        number = int(cast("str", value)) if is_text else value
+        if isinstance(number, bool) or not isinstance(number, int) or not least <= number < below:
+            raise ValueError(f"must be a whole number {rule}")
+        return number
+
+    return Reads(read)
 
 
 def _ratio(value: RawValue) -> float:
@@ -138,17 +145,11 @@ def _chord_error(value: float) -> float:
     return value
 
 
-def _mount(value: str) -> str:
+def _one_of(names: Collection[str], value: str) -> str:
     name = " ".join(value.lower().split())
-    if name not in (*MOUNTS, NO_MOUNT, ANY_MOUNT):
-        raise ValueError(f"must be one of {', '.join((*MOUNTS, NO_MOUNT, ANY_MOUNT))}")
+    if name not in names:
+        raise ValueError(f"must be one of {', '.join(names)}")
     return name
-
-
-def _unit(value: str) -> str:
-    if value.lower() not in UNITS_MM:
-        raise ValueError(f"must be one of {', '.join(UNITS_MM)}")
-    return value.lower()
 
 
 def _machine(value: RawValue) -> Machine:
@@ -215,13 +216,6 @@ def _dictionary(value: str) -> str:
     return dictionary_named(value)
 
 
-def _number(value: RawValue) -> int:
-    number = int(value) if isinstance(value, str) and re.fullmatch(r"\d{1,4}", value) else value
-    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < 10_000:
-        raise ValueError("must be a whole number from 0")
-    return number
-
-
 Length = Annotated[float, _length()]
 PositiveLength = Annotated[float, _length(_positive)]
 Skew = Annotated[tuple[float, float, float], Reads(lambda value: parse_skew_rad(cast("str | float", value)))]
@@ -237,7 +231,7 @@ READ: Mapping[Value, object] = {
     "chord error": Annotated[float, _length(_positive, _chord_error)],
     "size": Annotated[tuple[float, float], _all(_size)],
     "bed": Bed,
-    "count": Annotated[int, Reads(_count)],
+    "count": Annotated[int, _whole(1, 100_000, "above zero")],
     "ratio": Annotated[float, Reads(_ratio)],
     "percent": Percent,
     "skew": Skew,
@@ -250,14 +244,14 @@ READ: Mapping[Value, object] = {
     "machine": OfMachine,
     "price": FilamentPrice,
     "ink side": InkSide,
-    "mount": Annotated[str, _text(_mount)],
+    "mount": Annotated[str, _text(partial(_one_of, (*MOUNTS, NO_MOUNT, ANY_MOUNT)))],
     "mesh": Annotated[str, _text(_unicode)],
-    "unit": Annotated[str, _text(_unit)],
+    "unit": Annotated[str, _text(partial(_one_of, UNITS_MM))],
     "corners": Annotated[tuple[tuple[float, float, float], ...], ItemCount(4, 1000)],
     "marks": Literal["chessboard", "charuco", "aprilgrid", "circles"],
     "counts": Annotated[tuple[int, int], Reads(lambda value: _counts(cast("str", value)))],
     "dictionary": Annotated[str, _text(_dictionary)],
-    "number": Annotated[int, Reads(_number)],
+    "number": Annotated[int, _whole(0, 10_000, "from 0")],
     "polygons": Annotated[tuple[tuple[int, ...], ...], ItemCount(0, 1000)],
 }
 """What an option's text must look like, by what it takes."""

@@ -57,11 +57,15 @@ def page_html(page: Page) -> bytes:
     extra = [parts for kind, parts in _OF_BLOCKS.items() if kind in kinds]
     style = _part("page.css") + _row_heights(page) + "".join(_part(parts.style) for parts in extra)
     scripts = [_part(name) for name in (*(name for parts in extra for name in parts.scripts), "page.js")]
+    allowed = " ".join(map(_source_hash, scripts))
+    # A lead of one picture and words, which then stand side by side where there is room.
+    is_picture = [isinstance(block, (Figure, View3d)) for block in page.lead]
     html = _environment().get_template("page.html.j2").render(
         page=page,
         chapters=_chapters(page.sections),
-        is_split=_is_split(page.lead),
-        policy=_policy(style, scripts),
+        is_split=len(page.lead) > 1 and is_picture[0] and not any(is_picture[1:]),
+        policy=f"default-src 'none'; img-src data:; style-src {_source_hash(style)}; script-src {allowed}; "
+        "base-uri 'none'; form-action 'none'",
         style=Markup(style),  # noqa: S704 - our own file
         scripts=[Markup(script) for script in scripts],  # noqa: S704 - our own files
         number=count(1).__next__,
@@ -95,15 +99,6 @@ def _part(name: str) -> str:
     if re.search(r"</(script|style)|<!--", text, re.IGNORECASE):
         raise ValueError(f"{name}: holds markup that would end its element")
     return text
-
-
-def _policy(style: str, scripts: list[str]) -> str:
-    """The Content-Security-Policy under which only these styles and scripts work, and nothing is fetched."""
-    allowed = " ".join(_source_hash(script) for script in scripts)
-    return (
-        f"default-src 'none'; img-src data:; style-src {_source_hash(style)}; script-src {allowed}; "
-        "base-uri 'none'; form-action 'none'"
-    )
 
 
 def _source_hash(text: str) -> str:
@@ -140,12 +135,6 @@ def _chapters(sections: tuple[Section, ...]) -> list[_Chapter]:
         taken.add(anchor)
         chapters.append(_Chapter(anchor, section))
     return chapters
-
-
-def _is_split(lead: tuple[Block, ...]) -> bool:
-    """Whether the lead is one picture and words, which then stand side by side where there is room."""
-    is_picture = [isinstance(block, (Figure, View3d)) for block in lead]
-    return len(lead) > 1 and is_picture[0] and not any(is_picture[1:])
 
 
 def _data_url(image: Raster | Svg) -> str:
