@@ -23,8 +23,8 @@ from tests.support.programs import PYTHON, run
 
 COARSE = {"formats": ("stl",), "chord_error": "0.1mm"}
 SMALL = {
-    "ico": {"edge_mm": 20}, "board": {"size_mm": (60, 40)}, "cube": {"edge_mm": 60}, "octahedron": {"edge_mm": 60},
-    "tetrahedron": {"edge_mm": 80}, "dodecahedron": {"edge_mm": 20}, "dome": {"edge_mm": 20},
+    "ico": {"edge_mm": 20}, "board": {"size_mm": (60, 40)}, "cube": {"edge_mm": 28}, "octahedron": {"edge_mm": 24},
+    "tetrahedron": {"edge_mm": 36}, "dodecahedron": {"edge_mm": 20}, "dome": {"edge_mm": 20},
     "corner": {"edge_mm": 30},
     "coupon": {},
 }  # fmt: skip
