@@ -92,6 +92,22 @@ class CornerFits:
         """The corners.  # (N, 2)"""
         return self.params[:, :2]
 
+    def or_else(self, other: "CornerFits", keeps: Flags) -> "CornerFits":
+        """With the other fits of the same corners where these are not kept."""
+
+        def chosen(mine: Array, others: Array) -> Array:
+            return np.where(keeps.reshape(-1, *[1] * (mine.ndim - 1)), mine, others)
+
+        both = zip(vars(self.scores).values(), vars(other.scores).values(), strict=True)
+        return CornerFits(
+            chosen(self.params, other.params),
+            chosen(self.cov_px2, other.cov_px2),
+            chosen(self.noise, other.noise),
+            Scores(*(chosen(mine, others) for mine, others in both)),
+            chosen(self.half_px, other.half_px),
+            np.where(keeps, self.ok, other.ok),
+        )
+
     @property
     def contrast(self) -> Floats:
         """Light minus dark at the corner, in grey levels; negative where a lone quadrant is dark.  # (N,)"""
