@@ -74,7 +74,7 @@ class Change:
     def text(self) -> str:
         """The size with its standard deviation."""
         sign = "" if len(self.amount) > 1 else "+" if self.size >= 0 else "-"
-        return f"{sign}{figure(abs(self.size), 3)} \N{PLUS-MINUS SIGN} {figure(self.size_sigma, 1)} {self.unit}"
+        return f"{sign}{figure(abs(self.size), 3)} \N{PLUS-MINUS SIGN} {figure(self.size_sigma, 2)} {self.unit}"
 
 
 @dataclass(frozen=True)

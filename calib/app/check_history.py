@@ -63,13 +63,17 @@ def history_in(folder: Path) -> tuple[PastCheck, ...]:
     table = read_table(path, text, lambda names: column_fault(names, COLUMNS, f"the columns are {','.join(COLUMNS)}"))
     texts = [table.cells[name] for name in COLUMNS]
     try:
+        for when in texts[0]:
+            datetime.fromisoformat(when)
         return tuple(
             PastCheck(row[0], row[1], row[2], float(row[3] or "nan"), int(row[4]), row[5],
                       tuple(float(cell or "nan") for cell in row[6:]))
             for row in zip(*texts, strict=True)
         )  # fmt: skip
     except ValueError:
-        raise InputError(f"{path}: a cell is no number; mend it, or keep it under another name") from None
+        raise InputError(
+            f"{path}: a cell is no number or no time (2026-01-31T12:00:00Z); mend it, or keep it under another name"
+        ) from None
 
 
 def added(folder: Path, found: "CameraCheck") -> tuple[PastCheck, ...]:
@@ -132,7 +136,11 @@ def history_figures(history: tuple[PastCheck, ...]) -> "list[Figure]":
             if one.time == shown[-1].time
         ]
         title = f"{WHAT[column].capitalize()} over time, change in {unit}"
-        drawing = AxesDrawing(title, f"{count} checks, the last: {', '.join(last)}", partial(_draw, shown, column))
+        drawing = AxesDrawing(
+            title,
+            f"{count} checks, the last: {', '.join(last)}; bars of 2 sigma, crosses: no",
+            partial(_draw, shown, column),
+        )
         figures.append(figure_of(drawing))
     return figures
 
@@ -143,9 +151,9 @@ def _draw(history: list[PastCheck], column: int, axes: "Axes") -> None:
 
     from calib.draw.style import BLUE, GREEN, ORANGE, VERMILION, open_axes
 
-    open_axes(axes, "day (UTC)", "")
+    open_axes(axes, "time (UTC)", "")
     for k, camera in enumerate(dict.fromkeys(one.camera for one in history)):
-        own = [one for one in history if one.camera == camera]
+        own = sorted((one for one in history if one.camera == camera), key=lambda one: one.time)  # a clock may go back
         when = np.array([date2num(datetime.fromisoformat(one.time)) for one in own])  # type: ignore[no-untyped-call]
         values, sigma = np.array([one.changes[2 * column : 2 * column + 2] for one in own]).T
         axes.errorbar(when, values, 2 * sigma, fmt="o-", color=(BLUE, ORANGE, GREEN)[k % 3], capsize=3, label=camera)

@@ -7,9 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as MplFigure
 
 import calib
 from calib.app.check import NOT_AS_SOLVED, CameraCheck
+from calib.app.check_history import _draw
 from calib.cameras.camera import load_camera
 from calib.observe.calibration_file import Provenance, write_calibration
 from calib.solver.calibration import Calibration
@@ -74,3 +77,29 @@ def test_a_calibration_that_misfits_says_so() -> None:
     found = calib.check(misfit, None, replace(new, cov_px2=None), made="exact")
     assert found.verdict == "cannot say"
     assert "the calibration itself misfits" in found.reason
+
+
+def test_a_history_takes_a_clock_that_goes_back_and_refuses_what_is_no_time(folder: Path) -> None:
+    """Checks are drawn in the order of time; a damaged row is named before any work is done."""
+    days = folder.parent / "days"
+    seen = photos_of(CAMERA, POINTS, 1, np.random.default_rng(5))
+    calib.check(folder, None, seen, made="exact", history=days)
+    table = days / "history.csv"
+    head, row = table.read_text().rsplit("\n", 2)[:2]
+    later, before = ("2100-01-01T00:00:00Z" + row[20:], "1999-01-01T00:00:00Z" + row[20:])
+    table.write_text("\n".join((head, later, before, "")))
+    found = calib.check(folder, None, seen, made="exact", history=days)
+    assert [one.time[:4] for one in found.history[:2]] == ["2100", "1999"]
+    lines = [line for line in drawn(found).lines if len(line.get_xdata()) == 3]
+    assert np.all(np.diff(lines[0].get_xdata()) > 0)
+    for bad in ("yesterday" + row[20:], row[:30]):
+        table.write_text("\n".join((head, row, bad, "")))
+        with pytest.raises(calib.InputError, match=r"history\.csv: "):
+            calib.check(folder, None, seen, made="exact", history=days)
+
+
+def drawn(found: CameraCheck) -> Axes:
+    """The plot of its history."""
+    axes = MplFigure().subplots()
+    _draw(list(found.history), 0, axes)
+    return axes
