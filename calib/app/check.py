@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 Verdict = Literal["yes", "no", "cannot say"]
 MOST_NAMED, MISFITS, SURELY_FREE = 6, 1.2, 4.0
+TABLES = (".csv", ".vnl")
 NO_SIGMA = (
     "the file does not say how sure it is: it is taken to be as sure as from 20 photos such as these; a no may also "
     "mean that it never was better"
@@ -136,7 +137,8 @@ def check(
         argument("camera or rig file, or the folder of a calibration, which knows best", metavar="CAMERA|RIG"),
     ],
     target: Annotated[
-        "TargetGeometry | Place | None", argument("the target file (NAME.target.json) of what the photos show")
+        "TargetGeometry | Place | None",
+        argument("the target file (NAME.target.json) of what the photos show; a table with X, Y, Z needs none"),
     ] = None,
     photos: Annotated[
         "Observations | RigObservations | Place | Iterable[Place | Detections]",
@@ -179,6 +181,13 @@ def check(
     folder = None if history is None else place_of(history, "a folder")
     if folder is not None:
         history_in(folder)  # refuses what is somebody else's before any work is done
+    if (
+        isinstance(photos, list | tuple)
+        and not photos
+        and isinstance(target, str | PathLike)
+        and Path(target).suffix.lower() in TABLES
+    ):
+        photos, target = target, None
     reference, bend, bent_id, remarks = _reference(
         in_order(
             camera,
@@ -327,7 +336,7 @@ def _observed(
     given = photos if isinstance(photos, Observations | RigObservations | str | PathLike) else list(photos)
     if isinstance(given, list) and len(given) == 1 and isinstance(given[0], str | PathLike):
         given = given[0]
-    if isinstance(given, str | PathLike) and Path(given).suffix.lower() in (".csv", ".vnl"):
+    if isinstance(given, str | PathLike) and Path(given).suffix.lower() in TABLES:
         given = load_rig_observations(given, target) if not is_alone else file_or_observations(given, target)
     if isinstance(given, list) and given and all(isinstance(one, Detections) for one in given):
         given = observations_of(cast("list[Detections]", given), target)

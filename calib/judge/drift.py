@@ -48,8 +48,10 @@ MOST_PARAMETERS = 20
 """Of a camera that are tested one by one; of one with more, as a spline, the linear part is."""
 EXPLAINS, RULED_OUT = 0.01, 0.001
 """Probability of what a hypothesis leaves over, from which on it explains all, and below which it is no explanation."""
-LEAST_GROUPS, GROUPS, SURELY = 3, 32, 0.05
-"""Of the calibration's own photos, tested as these are; and the probability below which they surely deviate by more."""
+LEAST_GROUPS, GROUPS, SURELY, LEAST_LEFT = 3, 32, 0.05, 0.1
+"""Of the calibration's own photos, tested as these are; the probability below which they surely deviate by more; and
+how many directions have to be left for that which the camera did not take.
+"""
 AS_MANY = 20
 """Photos such as these, that a camera of which nobody states how sure it is is taken to be solved from."""
 
@@ -247,26 +249,24 @@ def _own_photos(reference: Reference, count: int, *, is_exact: bool) -> _OwnPhot
         for first in range(0, total - size + 1, size):
             own = order[first : first + size].tolist()
             group = replace(seen, frames=tuple(seen.frames[k] for k in own))
-            z, every = _in_standard(group, 1.0)
+            z, every, by_cameras = _in_standard(group, 1.0)
             z = z / group.own_noise
-            anything = next(one for one in every if one.what == "anything")
-            solved = inverse[np.ix_(sorted(anything.rows), sorted(anything.rows))]
             for one in every:
-                key, moved = (one.camera, one.what), one.basis.T @ anything.moved
+                key, moved = (one.camera, one.what), one.basis.T @ by_cameras
                 square[key] = square.get(key, 0.0) + float(((z @ one.basis) ** 2).sum())
                 # Photos that a camera was solved from deviate less from it than new ones, by what it took of them.
-                taken = float(np.sum((moved @ solved) * moved))
-                expected[key] = expected.get(key, 0.0) + max(one.basis.shape[1] - taken, 0.0)
+                taken = float(np.sum((moved @ inverse) * moved))
+                expected[key] = expected.get(key, 0.0) + one.basis.shape[1] - taken
                 width[key] = max(width.get(key, 1), one.basis.shape[1])
-    found = {key: square[key] / max(value, 1e-9) for key, value in expected.items()}
-    freedom = {key: per * (total // size) for key, per in width.items()}
+    found = {key: square[key] / value for key, value in expected.items() if value > LEAST_LEFT * width[key]}
+    freedom = {key: width[key] * (total // size) for key in found}
     return _OwnPhotos(
         {key: value for key, value in found.items() if chdtrc(freedom[key], value * freedom[key]) < SURELY}, total
     )
 
 
-def _in_standard(seen: PhotoScores, own: float) -> tuple[Array, list["_Weighed"]]:
-    """What is seen where it has a covariance of one if nothing changed, z and by all hypotheses.
+def _in_standard(seen: PhotoScores, own: float) -> tuple[Array, list["_Weighed"], Array]:
+    """What is seen where it has a covariance of one if nothing changed: z, by all hypotheses, and by the cameras.
 
     Args:
         seen: the photos.
@@ -281,7 +281,7 @@ def _in_standard(seen: PhotoScores, own: float) -> tuple[Array, list["_Weighed"]
     left, value, _ = np.linalg.svd(np.column_stack([one.basis for one in every]), full_matrices=False)
     space = left[:, value > 1e-8]
     every = [replace(one, basis=space.T @ one.basis, moved=space.T @ one.moved) for one in every]
-    return space.T @ z, every
+    return space.T @ z, every, space.T @ white @ by_all[:, : seen.count]
 
 
 def _tested(
@@ -290,7 +290,7 @@ def _tested(
 ) -> DriftTest:  # fmt: skip
     """The test itself."""
     known = seen.rig.covariance is not None
-    z, every = _in_standard(seen, 1.0 if known else 1.0 + len(seen.frames) / AS_MANY)
+    z, every, _ = _in_standard(seen, 1.0 if known else 1.0 + len(seen.frames) / AS_MANY)
     if own is not None:
         more = [own.beyond(one) for one in every]
         every = [replace(one, more=beyond) for one, beyond in zip(every, more, strict=True)]

@@ -28,7 +28,7 @@ HEAD = 2**16
 """Characters from which a file's kind is told."""
 ONE_OF = "#"
 """Between a file of several cameras and the name of one."""
-VERDICT_FILE, POSES_ONLY = "verdict.json", "pose_errors.csv"
+VERDICT_FILE, POSES_ONLY, LARGEST_VERDICT = "verdict.json", "pose_errors.csv", 2**28
 """Of a folder of results: the verdict, and what `calib hand-eye --poses` writes, which solves no camera."""
 BINARY = {".bin": "colmap", ".mat": "matlab"}
 """The formats of files that are no text, by their ends."""
@@ -335,7 +335,7 @@ def _best_model(folder: Path) -> str:
     """The model that a folder's verdict names; "": there is none."""
     place = folder / VERDICT_FILE
     try:
-        document = parse_json(read_small_text(place, CAMERA.largest_bytes, "a verdict"), place, "a verdict")
+        document = parse_json(read_small_text(place, LARGEST_VERDICT, "a verdict"), place, "a verdict")
     except InputError:
         return ""
     verdict = document.get("verdict") if isinstance(document, dict) else None

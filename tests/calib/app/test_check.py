@@ -17,6 +17,7 @@ from calib.cameras.camera import load_camera
 from calib.observe.calibration_file import Provenance, write_calibration
 from calib.solver.calibration import Calibration
 from tests.support import drift_scenes, solver_scenes
+from tests.support.command_line import write_correspondences
 from tests.support.drift_scenes import CAMERA, photos_of, scaled
 
 POINTS = solver_scenes.board()
@@ -55,7 +56,7 @@ def test_of_several_models_that_of_the_verdict_is_checked(folder: Path) -> None:
     shutil.copytree(folder, folder.parent / "luhmann")
     with pytest.raises(calib.InputError, match="name the folder of one"):
         checked(folder.parent)
-    (folder.parent / "verdict.json").write_text('{"verdict": {"model": "opencv"}}')
+    (folder.parent / "verdict.json").write_text('{"verdict": {"model": "opencv"}, "halves": "' + "." * 2**21 + '"}')
     found = checked(folder.parent)
     assert found.verdict == "yes"
     assert "the verdict names is taken, opencv" in found.remarks[0]
@@ -103,3 +104,11 @@ def drawn(found: CameraCheck) -> Axes:
     axes = MplFigure().subplots()
     _draw(list(found.history), 0, axes)
     return axes
+
+
+def test_a_table_with_points_needs_no_target(folder: Path) -> None:
+    """It stands where the target would; what it says is what its sightings in memory say."""
+    table = folder.parent / "seen.csv"
+    seen = replace(photos_of(CAMERA, POINTS, 3, np.random.default_rng(4)), cov_px2=None)
+    write_correspondences(table, seen)
+    assert calib.check(folder, table, made="exact").photos == calib.check(folder, None, seen, made="exact").photos
