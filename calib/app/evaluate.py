@@ -177,9 +177,11 @@ def _sample(evaluation: "Evaluation") -> str:
 
 def _calibration_in(place: Path) -> tuple[Path, tuple[str, ...]]:
     """The calibration's file, of itself or of its folder, and what is said of the choice."""
+    if not place.is_dir():
+        return place, ()
     from calib.cameras.formats.reading import solved_in
 
-    return solved_in(place, CALIBRATION_FILE) if place.is_dir() else (place, ())
+    return solved_in(place, CALIBRATION_FILE)
 
 
 @capability(folder=lambda given: _calibration_in(cast(Path, given["calibration"]))[0].parent)
