@@ -50,7 +50,7 @@ def symmetric_inverse(matrix: Array, rounding: float = ROUNDING) -> SymmetricInv
     scaled, scale = _unit_diagonal(matrix)
     value, vector = np.linalg.eigh(scaled)
     keeps = value > rounding * value[..., -1:].clip(min=0.0) if matrix.shape[-1] else value > 0
-    part = vector * np.sqrt(np.where(keeps, 1 / np.where(keeps, value, 1.0), 0.0))[..., None, :] * scale[..., None]
+    part = vector * np.sqrt(1 / np.where(keeps, value, np.inf))[..., None, :] * scale[..., None]
     lost = np.sqrt((np.where(keeps[..., None, :], 0.0, vector) ** 2).sum(axis=-1))
     return SymmetricInverse(part @ np.swapaxes(part, -1, -2), keeps.sum(axis=-1), np.asarray(lost < SHARE))
 
@@ -139,9 +139,10 @@ def worse_sigma(covariance: Array) -> Array:
 def _unit_diagonal(matrix: Array) -> tuple[Array, Array]:
     """`D A D` with a diagonal of ones, and D's diagonal (..., N); zero where A's is not positive."""
     diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
-    able = np.asarray(np.isfinite(matrix).all(axis=(-2, -1)))[..., None] & (diagonal > 0)
-    scale = np.where(able, 1 / np.sqrt(np.where(able, diagonal, 1.0)), 0.0)
-    whole = np.where(np.isfinite(matrix), matrix, 0.0)
+    finite = np.isfinite(matrix)
+    able = np.asarray(finite.all(axis=(-2, -1)))[..., None] & (diagonal > 0)
+    scale = 1 / np.sqrt(np.where(able, diagonal, np.inf))
+    whole = np.where(finite, matrix, 0.0)
     return whole * scale[..., :, None] * scale[..., None, :], scale
 
 

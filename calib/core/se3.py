@@ -87,10 +87,10 @@ def quaternion_wxyz(rotation: Array) -> Array:
 
 def skew(vector: Array) -> Array:
     """Matrices (..., 3, 3) of vectors (..., 3) with `skew(a) @ b = a x b`."""
-    x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
-    zero = np.zeros_like(x)
-    rows = [np.stack(row, axis=-1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
-    return np.stack(rows, axis=-2)
+    matrix = np.zeros((*vector.shape, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        matrix[..., k, j], matrix[..., j, k] = vector[..., i], -vector[..., i]
+    return matrix
 
 
 def make_pose(rotation: Array, translation: Array) -> Array:

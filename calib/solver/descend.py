@@ -19,7 +19,7 @@ from calib.solver.accuracy import accuracy_of
 from calib.solver.blocks import RobustLoss, view_blocks, view_misfit
 from calib.solver.levenberg import DescentSteps, Minimum, minimise
 from calib.solver.outliers import deviations, forgetful, robust_scale, robust_sigma, whitened
-from calib.solver.problem import Loss, Problem, SolveOptions, Tie, few_per_view, select
+from calib.solver.problem import Loss, Problem, SolveOptions, Tie, few_per_view
 from designer.base.arrays import Array, Flags, Rows
 
 MOST_ROUNDS = 60
@@ -123,9 +123,8 @@ def descend(
     """Down to the minimum, of a part of the observations first: the last steps are then two or three."""
     steps = options.max_iterations
     starts = [(camera, poses), (without_lens(camera, tie), poses)]
-    few = few_per_view(problem.view_count)
-    if len(problem.is_used) > 2 * few * problem.view_count:
-        thin = select(problem, np.arange(problem.view_count), few)
+    if len(problem.is_used) > 2 * few_per_view(problem.view_count) * problem.view_count:
+        thin = problem.few
         loss = _first_loss(thin, camera, poses, options)
         near = minimise(thin, camera, poses, tie.row, loss, DescentSteps(steps, small_decrease=1e-6))
         starts.insert(0, (near.camera, near.cam_from_target))

@@ -245,7 +245,7 @@ def minimise_poses(
     """Descend in each view's pose on its own, the camera known; arguments as those of `minimise`."""
     poses = np.array(cam_from_target)
     blocks = view_blocks(problem, camera, poses, loss, of_poses=True)
-    views = problem.view_count
+    views, perfect = problem.view_count, PERFECT_PX**2 * np.diff(problem.view_start)
     damping, open_views = np.full(views, FIRST_DAMPING), np.ones(views, dtype=bool)
     iterations = 0
     while open_views.any() and iterations < max_iterations:
@@ -255,10 +255,11 @@ def minimise_poses(
         trial = np.where(open_views[:, None, None], move_poses(poses, step), poses)
         there = view_blocks(problem, camera, trial, loss, of_poses=True)
         better = open_views & (there.cost < blocks.cost)
-        small = promised <= small_decrease * blocks.cost + PERFECT_PX**2 * np.diff(problem.view_start)
-        poses = np.where(better[:, None, None], trial, poses)
-        blocks = _chosen(problem, blocks, there, better)
-        damping = np.clip(np.where(better, damping * 0.05, damping * 8), 1e-15, 1e15)
+        small = promised <= small_decrease * blocks.cost + perfect
+        is_every = better.all()
+        poses = trial if is_every else np.where(better[:, None, None], trial, poses)
+        blocks = there if is_every else _chosen(problem, blocks, there, better)
+        damping = np.where(better, damping * 0.05, damping * 8).clip(1e-15, 1e15)
         open_views &= ~small & (damping < LARGEST_DAMPING)
     return Minimum(camera, poses, blocks, iterations, converged=not open_views.any())
 

@@ -5,6 +5,7 @@ What a person may choose about a solution, and which parameters are free, fixed 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
@@ -124,6 +125,11 @@ class Problem:
         """The view of each observation.  # (M,)"""
         return np.repeat(np.arange(self.view_count), np.diff(self.view_start))
 
+    @cached_property
+    def few(self) -> "Problem":
+        """All views, with a few observations of each: enough for a rough solution."""
+        return select(self, np.arange(self.view_count), few_per_view(self.view_count))
+
 
 def pack(observations: Observations, *, weighted: bool) -> Problem:
     """The problem of all views, each of which has observations, weighted by their covariances if these are known."""
@@ -169,7 +175,7 @@ def target_covariance(problem: Problem, poses: Array, covariance: Array) -> Arra
 
     A turn by w about the problem's origin o moves the target's by `w x (-R o) = (R o) x w`.
     """
-    jacobian = np.tile(np.eye(6), (len(poses), 1, 1))
+    jacobian = np.zeros((len(poses), 6, 6)) + np.eye(6)
     jacobian[:, 3:, :3] = skew(poses[:, :3, :3] @ problem.origin_mm)
     moved: Array = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
     return moved

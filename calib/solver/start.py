@@ -212,15 +212,15 @@ def linear_poses(problem: Problem, camera: Camera, *, is_robust: bool, as_planes
     ray = rays(camera, problem.measured_px.T)
     view_from_cam = _facing(problem, ray)
     slope = slopes(ray if view_from_cam is None else np.einsum("mij,mj->mi", view_from_cam[problem.view], ray))
-    used = problem.is_used & ((slope**2).sum(axis=1) < STEEPEST**2)  # false of nan
+    used = problem.is_used & (slope[:, 0] ** 2 + slope[:, 1] ** 2 < STEEPEST**2)  # false of nan
     counts = np.add.reduceat(used.astype(np.int64), problem.view_start[:-1])
     poses = np.full((problem.view_count, 4, 4), np.nan)
     views = np.flatnonzero(counts >= LEAST_POINTS)
     if not len(views):
         return poses
-    inside = used & (counts >= LEAST_POINTS)[problem.view]
+    inside = np.flatnonzero(used & (counts >= LEAST_POINTS)[problem.view])
     start = np.concatenate([[0], np.cumsum(counts[views])])
-    position, image = problem.position_mm[:, inside], slope[inside].T
+    position, image = problem.position_mm.take(inside, axis=1), slope.take(inside, axis=0).T
     fitted = linear_views(start, position, image, as_planes=as_planes, is_robust=is_robust)
     cam_from_view = None if view_from_cam is None else make_pose(view_from_cam[views].transpose(0, 2, 1), np.zeros(3))
     poses[views] = _composed(cam_from_view, poses_of(fitted))
@@ -241,14 +241,14 @@ def _facing(problem: Problem, ray: Array) -> Array | None:
 
     None if there are no such views.
     """
-    known = np.where(np.isfinite(ray) & problem.is_used[:, None], ray, 0.0)
-    middle = np.add.reduceat(known, problem.view_start[:-1], axis=0)
-    length = np.linalg.norm(middle, axis=1, keepdims=True)
-    ahead = np.array([0.0, 0.0, 1.0])
-    is_far = np.minimum.reduceat(np.where(known[:, 2] == 0, 1.0, known[:, 2]), problem.view_start[:-1]) < FAR_COSINE
-    is_far &= length[:, 0] > 0
+    depth, first = np.where(np.isfinite(ray[:, 2]) & problem.is_used, ray[:, 2], 0.0), problem.view_start[:-1]
+    is_far = np.minimum.reduceat(np.where(depth == 0, 1.0, depth), first) < FAR_COSINE
     if not is_far.any():
         return None
+    middle = np.add.reduceat(np.where(np.isfinite(ray) & problem.is_used[:, None], ray, 0.0), first, axis=0)
+    length = np.linalg.norm(middle, axis=1, keepdims=True)
+    is_far &= length[:, 0] > 0
+    ahead = np.array([0.0, 0.0, 1.0])
     towards = np.where(is_far[:, None], middle / np.where(length > 0, length, 1.0), ahead)
     return rotation_between(towards, np.broadcast_to(ahead, towards.shape))
 
@@ -283,14 +283,13 @@ class _Best:
 
 def first_poses(problem: Problem, camera: Camera, *, is_robust: bool) -> FirstPoses:
     """A pose of every view, from a few of its observations."""
-    few = select(problem, np.arange(problem.view_count), few_per_view(problem.view_count))
+    few, loss = problem.few, RobustLoss()
     start = linear_poses(few, camera, is_robust=is_robust)
-    loss = RobustLoss()
     if is_robust:
         ok: Flags = np.asarray(np.isfinite(start).all(axis=(1, 2)))
         loss = forgetful(view_misfit(few, camera, np.where(ok[:, None, None], start, np.eye(4)), loss).residual_px)
     views = few.view_count
-    best = _Best(np.tile(np.eye(4), (views, 1, 1)), np.full(views, np.inf))
+    best = _Best(np.zeros((views, 4, 4)) + np.eye(4), np.full(views, np.inf))
     best = _improved(few, camera, best, start, np.arange(views), loss)
     unsure = _unsure(few, best)
     if len(unsure):
@@ -326,12 +325,16 @@ def _improved(few: Problem, camera: Camera, best: _Best, start: Array, views: Ro
 
 def turned_over(problem: Problem, camera: Camera, cam_from_target: Array, *, is_robust: bool) -> Array | None:
     """The poses (V, 4, 4), those turned over that are better so; None if none is."""
-    loss, shown = RobustLoss(), view_misfit(problem, camera, cam_from_target, RobustLoss())
-    if is_robust:
-        loss = forgetful(shown.residual_px)
-        shown = view_misfit(problem, camera, cam_from_target, loss)
-    found = _turned_over(problem, camera, _Best(cam_from_target, shown.cost), loss)
-    return found.poses if (found.cost < BETTER * shown.cost).any() else None
+    for part in (problem.few, problem):  # a few tell when all are hopeless
+        loss, shown = RobustLoss(), view_misfit(part, camera, cam_from_target, RobustLoss())
+        if is_robust:
+            loss = forgetful(shown.residual_px)
+            shown = view_misfit(part, camera, cam_from_target, loss)
+        best = _Best(cam_from_target, shown.cost)
+        found = _turned_over(part, camera, best, loss)
+        if found is best:
+            return None
+    return found.poses if (found.cost < BETTER * best.cost).any() else None
 
 
 def _turned_over(few: Problem, camera: Camera, best: _Best, loss: RobustLoss) -> _Best:
