@@ -35,6 +35,7 @@ import numpy as np
 from calib.cameras.rig import rig_of_one
 from calib.core.linear_algebra import symmetric_inverse
 from calib.core.parallel import one_thread
+from calib.core.se3 import skew
 from calib.core.types import RigObservations, keep_frames
 from calib.judge.photo_scores import PhotoScores, error_modes, photo_scores, standard_directions
 from calib.judge.reference import Reference, of_one_camera
@@ -153,8 +154,17 @@ def drift_test(
         names = list(observations.frame_names)
 
 
+def _about_centres(seen: PhotoScores) -> Array:
+    """All unknowns by the same, with turns of cameras about their own centres, not the rig's origin.  # (N, N)"""
+    unknowns = np.eye(len(seen.gradient))
+    for camera, cam_from_rig in enumerate(seen.rig.cam_from_rig):
+        first = seen.rig.pose_rows(camera).start
+        unknowns[first + 3 : first + 6, first : first + 3] = -skew(cam_from_rig[:3, 3])
+    return unknowns
+
+
 def _hypotheses(seen: PhotoScores) -> Iterator[tuple[str, What, Array]]:
-    """What may have changed: of which camera, what, and the unknowns (N, K) by its K numbers."""
+    """What may have changed: of which camera, what, and the unknowns, in `_about_centres`, (N, K) by its K numbers."""
     rig, total = seen.rig, len(seen.gradient)
     shown = seen.shown
     columns = np.eye(total)
@@ -240,9 +250,12 @@ def _own_photos(reference: Reference, count: int, *, is_exact: bool) -> _OwnPhot
     if seen is None or not size:
         return None
     rng, total = np.random.default_rng(0), len(seen.frames)
-    inverse = symmetric_inverse(
-        seen.normal[: seen.count, : seen.count] + np.diag(seen.loose[: seen.count] ** -2.0)
-    ).inverse
+    own_turns = np.linalg.inv(_about_centres(seen)[: seen.count, : seen.count])
+    inverse = (
+        own_turns
+        @ symmetric_inverse(seen.normal[: seen.count, : seen.count] + np.diag(seen.loose[: seen.count] ** -2.0)).inverse
+        @ own_turns.T
+    )
     square, expected, width = (dict[tuple[str, What], float]() for _ in range(3))
     for _ in range(-(-GROUPS * size // total)):
         order = rng.permutation(total)
@@ -277,7 +290,8 @@ def _in_standard(seen: PhotoScores, own: float) -> tuple[Array, list["_Weighed"]
     moved, alone = by_all @ seen.covariance_factor, standard.T @ seen.by_rings
     white = np.linalg.inv(np.linalg.cholesky(own * np.eye(len(by_all)) + moved @ moved.T + alone @ alone.T))
     z = white @ (standard.T @ seen.gradient)
-    every = [_weighed(white @ by_all, *one) for one in _hypotheses(seen)]
+    by_all = white @ by_all @ _about_centres(seen)
+    every = [_weighed(by_all, *one) for one in _hypotheses(seen)]
     left, value, _ = np.linalg.svd(np.column_stack([one.basis for one in every]), full_matrices=False)
     space = left[:, value > 1e-8]
     every = [replace(one, basis=space.T @ one.basis, moved=space.T @ one.moved) for one in every]

@@ -40,9 +40,9 @@ def solved(points: KnownPoints, rng: np.random.Generator, *, noise_px: float = 0
 def moved_camera(
     scene: rig_views.RigScene, turn_deg: tuple[float, float, float] = (0, 0, 0), *, focal: float = 1.0
 ) -> rig_views.RigScene:
-    """The scene with its second camera turned, or with another focal length."""
+    """The scene with its second camera turned about its own centre, or with another focal length."""
     poses, cameras = scene.cam_from_rig.copy(), list(scene.cameras)
-    poses[1] = make_pose(exp_rotation(np.radians(turn_deg)) @ poses[1, :3, :3], poses[1, :3, 3])
+    poses[1] = make_pose(exp_rotation(np.radians(turn_deg)), np.zeros(3)) @ poses[1]
     cameras[1] = scaled(cameras[1], focal)
     return replace(scene, cam_from_rig=poses, cameras=tuple(cameras))
 

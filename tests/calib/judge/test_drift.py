@@ -113,9 +113,9 @@ def rig_checked(scene: rig_views.RigScene, known: Reference) -> DriftTest:
     return found
 
 
-@pytest.mark.parametrize("turn_deg", [(0.05, 0.0, 0.0), (0.0, 0.0, 0.05)])
+@pytest.mark.parametrize("turn_deg", [(0.05, 0.0, 0.0), (0.0, 0.05, 0.0), (0.0, 0.0, 0.05)])
 def test_the_camera_of_a_rig_that_turned_is_told(turn_deg: tuple[float, float, float]) -> None:
-    """By .05 degrees, from three frames; no other camera is suspected where there are four."""
+    """By .05 degrees about its own centre, from three frames; no other camera is suspected where there are four."""
     scene, known = ring()
     found = rig_checked(drift_scenes.moved_camera(scene, turn_deg), known)
     turn = found.of("left", "turn")
