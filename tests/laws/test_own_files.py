@@ -46,12 +46,14 @@ FORMATTED = [
     for kind in SUFFIX
 ]
 FORMATTED += [
-    pytest.param(calib, Case(("convert", "camera.json", "--to", kind, "-o", "new"), 0), id=f"convert {kind}")
-    for kind in WRITTEN_FORMATS
-]
-FORMATTED += [
-    pytest.param(calib, Case(("convert", "pair.rig.json", "--to", kind, "-o", "new"), 0), id=f"convert a rig, {kind}")
-    for kind in RIG_FORMATS
+    pytest.param(
+        calib, Case(("convert", source, "--to", kind, "-o", f"new{Path(one.file_name).suffix}"), 0), id=f"{said}{kind}"
+    )
+    for source, said, formats in (
+        ("camera.json", "convert ", WRITTEN_FORMATS),
+        ("pair.rig.json", "convert a rig, ", RIG_FORMATS),
+    )
+    for kind, one in formats.items()
 ]
 MARKERS = ("markers", "board.target.json", "detections.csv", "-o", "markers", "--to")
 FORMATTED += [pytest.param(calib, Case((*MARKERS, kind), 0), id=f"markers {kind}") for kind in MARKER_FORMATS]
