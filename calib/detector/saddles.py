@@ -124,43 +124,51 @@ def levels_at(image: NDArray[np.uint8] | NDArray[np.float32], at: Array) -> Arra
 
 def _neighbours(grey: NDArray[np.uint8], saddles: Saddles) -> tuple[Rows, Rows]:
     """The neighbour in each direction of each saddle, and its direction that leads back; -1: none.  # (N, 4) twice"""
-    count = len(saddles.center_px)
-    next_of, back_of = np.full((2, count, 4), -1, dtype=np.int64)
-    offset = saddles.center_px[None] - saddles.center_px[:, None]
-    length, angle = np.linalg.norm(offset, axis=2), np.arctan2(offset[..., 1], offset[..., 0])
-    length[length < 1.2 * AROUND_PX] = np.inf
-    length[length > FARTHEST * max(grey.shape)] = np.inf
-    soft = _softened(grey, SMOOTH_PX / 2)
+    place, ways, count = saddles.center_px, saddles.way_rad, len(saddles.center_px)
 
     def turn(a: Array, b: Array) -> Array:
         return np.asarray(np.abs((a - b + np.pi) % (2 * np.pi) - np.pi))
 
+    # Pairs that lie along an edge of either, nearly, by single precision: angles of all would take most of the time.
+    flat = (place - place.mean(axis=0)).astype(np.float32)
+    length = np.hypot(*(flat - flat[:, None]).transpose(2, 0, 1))
+    most = FARTHEST * max(grey.shape)
+    is_along = np.zeros((count, count), dtype=np.bool_)
+    for way in ways.T.astype(np.float32):
+        ahead = np.stack([np.cos(way), np.sin(way)], axis=1)
+        is_along |= ahead @ flat.T - (ahead * flat).sum(axis=1)[:, None] > np.float32(np.cos(OFF_RAD + 1e-3)) * length
+    row, other = np.nonzero(is_along & is_along.T & (length > AROUND_PX) & (length < 1.01 * most))
+    step = place[other] - place[row]
+    length, angle = np.linalg.norm(step, axis=1), np.arctan2(step[:, 1], step[:, 0])[:, None]
     # The direction of each neighbour that leads back here, and whether colours agree there.
-    slot, off = np.zeros((count, count), dtype=np.int8), np.full((count, count), np.inf)
-    for way in range(4):  # one after the other: each takes 18 MB
-        away = turn(saddles.way_rad[:, way], angle + np.pi)
-        slot[away < off] = way
-        off = np.minimum(off, away)
+    off = turn(ways[other], angle + np.pi)
+    slot = off.argmin(axis=1)
     color = saddles.is_dark[:, None] ^ (np.arange(4) % 2 == 1)
-    there = color[np.arange(count), (slot - 1) % 4]
-    alike = np.abs(np.log(saddles.contrast[:, None] / saddles.contrast)) < np.log(MOST_UNLIKE)
-    for way in range(4):
-        fits = (turn(angle, saddles.way_rad[:, way : way + 1]) < OFF_RAD) & (off < OFF_RAD)
-        fits &= np.isfinite(length) & alike & (there == color[:, way : way + 1])
-        near = np.argsort(np.where(fits, length, np.inf), axis=1, kind="stable")[:, :CANDIDATES]
-        row, column = np.nonzero(np.take_along_axis(fits, near, axis=1))
-        other = near[row, column]
-        # Beside the edge between both, at three places, the colours are those of the squares.
-        step = offset[row, other]
-        side = np.stack([-step[:, 1], step[:, 0]], axis=1) / length[row, other, None]
-        side *= np.clip(0.2 * length[row, other, None], 1.5, AROUND_PX)
-        at = saddles.center_px[row, None] + step[:, None] * np.array([0.3, 0.5, 0.7])[:, None]
-        across = levels_at(soft, at + side[:, None]) - levels_at(soft, at - side[:, None])
-        across *= np.where(color[row, way], -1.0, 1.0)[:, None]
-        # A saddle that is none may lie between: the nearest good one is taken.
-        good = across.min(axis=1) > LEAST_EDGE * np.minimum(saddles.contrast[row], saddles.contrast[other])
-        for n in np.flatnonzero(good)[::-1].tolist():
-            next_of[row[n], way], back_of[row[n], way] = other[n], slot[row[n], other[n]]
+    fits = (turn(angle, ways[row]) < OFF_RAD) & (off.min(axis=1, initial=np.inf) < OFF_RAD)[:, None]
+    fits &= color[other, (slot - 1) % 4, None] == color[row]
+    fits &= ((length >= 1.2 * AROUND_PX) & (length <= most))[:, None]
+    fits &= (np.abs(np.log(saddles.contrast[row] / saddles.contrast[other])) < np.log(MOST_UNLIKE))[:, None]
+    pair, way = np.nonzero(fits)
+    # The nearest ones along each edge.
+    edge = 4 * row[pair] + way
+    order = np.lexsort((length[pair], edge))
+    is_near = np.arange(len(order)) - np.searchsorted(edge[order], edge[order]) < CANDIDATES
+    pair, way, edge = (each[order[is_near]] for each in (pair, way, edge))
+    row, other, slot = row[pair], other[pair], slot[pair]
+    step, length = step[pair], length[pair]
+    # Beside the edge between both, at three places, the colours are those of the squares.
+    soft = _softened(grey, SMOOTH_PX / 2)
+    side = np.stack([-step[:, 1], step[:, 0]], axis=1) / length[:, None]
+    side *= np.clip(0.2 * length[:, None], 1.5, AROUND_PX)
+    at = place[row, None] + step[:, None] * np.array([0.3, 0.5, 0.7])[:, None]
+    across = levels_at(soft, at + side[:, None]) - levels_at(soft, at - side[:, None])
+    across *= np.where(color[row, way], -1.0, 1.0)[:, None]
+    # A saddle that is none may lie between: the nearest good one is taken.
+    good = across.min(axis=1) > LEAST_EDGE * np.minimum(saddles.contrast[row], saddles.contrast[other])
+    taken, first = np.unique(edge[good], return_index=True)
+    next_of, back_of = np.full((2, 4 * count), -1, dtype=np.int64)
+    next_of[taken], back_of[taken] = other[good][first], slot[good][first]
+    next_of, back_of = next_of.reshape(count, 4), back_of.reshape(count, 4)
     has = next_of >= 0
     mutual = has & (next_of[next_of, back_of] == np.arange(count)[:, None])
     return np.where(mutual, next_of, -1), back_of
