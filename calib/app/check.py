@@ -294,19 +294,20 @@ def _calibration_at(place: Path) -> "tuple[Calibration | RigCalibration | None, 
             np.array_equal(one.params, other.params) for one, other in pairs
         )
         return (found, None, ()) if as_solved else (found, told, (NOT_AS_SOLVED,))
-    if place.is_dir() and not (folder / CAMERA_FILE).is_file():
+    if place.name == CALIBRATION_FILE:
+        return read_calibration(place)[0], None, ()
+    if place.is_dir() and not (place / CAMERA_FILE).is_file():
         if not any(place.rglob(CALIBRATION_FILE)):
             return None, None, ()
-        place, said = solved_in(place, CALIBRATION_FILE)
-        folder = place.parent
-    if place.name == CALIBRATION_FILE:
-        return read_calibration(place)[0], None, said
+        found_in, said = solved_in(place, CALIBRATION_FILE)
+        folder = found_in.parent
     path = folder / CAMERA_FILE
-    if (place.is_dir() or place == path) and path.is_file() and (folder / CALIBRATION_FILE).is_file():
-        known, camera = read_calibration(folder / CALIBRATION_FILE)[0], load_camera(path)
+    if (place.is_dir() or (place == path and path.is_file())) and (folder / CALIBRATION_FILE).is_file():
+        known = read_calibration(folder / CALIBRATION_FILE)[0]
+        camera = load_camera(path) if path.is_file() else known.camera
         if not _is_another(camera, known.camera):
             as_solved = np.array_equal(camera.params, known.camera.params)
-            return (known, None, ()) if as_solved else (known, camera, (NOT_AS_SOLVED,))
+            return (known, None, said) if as_solved else (known, camera, (*said, NOT_AS_SOLVED))
     return None, None, ()
 
 

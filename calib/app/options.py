@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from calib.cameras import fitted_models, learned_models, models_of_all, models_of_all_wide, solved_models
+from calib.renderer.quantities import MOST_JOBS
 from calib.solver.costs import COSTS
 from designer.base.errors import InputError
 from designer.base.options import argument, option
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from calib.renderer.rig_template import SimulatedRig
     from designer.target import TargetGeometry
 
-MOST_JOBS = 1024
 MAX_SIDE_PX, MAX_GRID = 1_000_000, 1000
 CameraFile = Annotated[
     "Camera | Place",

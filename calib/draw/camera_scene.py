@@ -4,7 +4,7 @@ import numpy as np
 
 from calib.cameras.camera import Camera
 from calib.core.types import KnownPoints
-from calib.draw.rig_scene import body_words, seen_from_both_sides, unit, view_of
+from calib.draw.rig_scene import CAMERA, body_words, seen_from_both_sides, unit, view_of
 from calib.judge.next_views import NextView
 from calib.judge.solutions import Solution
 from calib.judge.views import view_facts
@@ -163,8 +163,6 @@ def _face(place: Array, plane: Array, margin_mm: float) -> Surface | None:
     return Surface(hull @ axes + middle, fan, BODY)
 
 
-CAMERA = "#0072B2"
-"""Okabe and Ito's blue, which is seen on light and dark."""
 AXIS_SHARE, LETTER_SHARE = 0.2, 0.03
 """Of the cameras' usual distance, for a target that is not known: length of its axes, height of their letters."""
 MOST_VIEWS = 3000

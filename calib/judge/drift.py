@@ -144,7 +144,7 @@ def drift_test(
             lost.add(seen.number[odd[0]])
             left.append(LeftOut(names[seen.number[odd[0]]], odd[1]))
         elif not lost:
-            own = _own_photos(reference, len(names), is_exact=is_exact)
+            own = _own_photos(reference, len(names), seed, is_exact=is_exact)
             return _tested(seen, own, misfit, names, left, false_alarms, seed, contradict=odd is not None)
         left += [
             LeftOut(names[k], "too little of the target is seen")
@@ -236,7 +236,7 @@ def _apart(reference: Reference) -> tuple[Reference, float]:
     return replace(reference, scale=np.fmax(reference.scale, times * alone)), times
 
 
-def _own_photos(reference: Reference, count: int, *, is_exact: bool) -> _OwnPhotos | None:
+def _own_photos(reference: Reference, count: int, seed: int, *, is_exact: bool) -> _OwnPhotos | None:
     """What no statement of a calibration knows of, as a lens that is of another kind in the corners.
 
     It is the mean square of what each hypothesis explains of groups of so many of its own photos; None: it has too few.
@@ -249,7 +249,7 @@ def _own_photos(reference: Reference, count: int, *, is_exact: bool) -> _OwnPhot
     size = 0 if seen is None else min(count, len(seen.frames) // LEAST_GROUPS)
     if seen is None or not size:
         return None
-    rng, total = np.random.default_rng(0), len(seen.frames)
+    rng, total = np.random.default_rng(seed), len(seen.frames)
     own_turns = np.linalg.inv(_about_centres(seen)[: seen.count, : seen.count])
     inverse = (
         own_turns

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from calib.cameras.formats import reading
 from calib.core.parallel import one_thread
 from calib.judge import joint_checks, lens_checks
 from calib.judge.advice import DETECTED, Inputs, advice_of, is_hopeless
@@ -98,7 +99,7 @@ class Judged:
         return NoHalves(self.no_halves) if self.no_halves else RigHalves(self.splits) if self.splits else NOT_COMPARED
 
 
-VERDICT_FILE, EARLIER_RIG_VERDICT_FILE = "verdict.json", "rig_verdict.json"
+VERDICT_FILE, EARLIER_RIG_VERDICT_FILE = reading.VERDICT_FILE, "rig_verdict.json"
 VERDICT = FileKind(Judged, "verdict", "a verdict.json", "solve again", largest_bytes=16 * 2**20)
 """With the calibrations beside it the halves suffice to judge again by other limits without solving anything."""
 

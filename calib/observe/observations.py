@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from calib.core.linear_algebra import solve_square
+from calib.core.linear_algebra import rms_length, solve_square
 from calib.core.types import (
     LEAST_POINTS,
     SUREST,
@@ -285,5 +285,4 @@ def _is_copy(seen: Observations, first: Rows, second: Rows) -> bool:
         return False
     noise = seen.cov_px2[first] + seen.cov_px2[second]
     square = np.einsum("ni,ni->n", difference, solve_square(noise, difference[:, :, None])[:, :, 0])
-    length = float(np.sqrt((difference**2).sum(axis=1).mean()))
-    return length < ALIKE[0] and float(square.mean()) / 2 < ALIKE[1]
+    return rms_length(difference) < ALIKE[0] and float(square.mean()) / 2 < ALIKE[1]

@@ -10,6 +10,7 @@ import numpy as np
 
 from calib.cameras.camera import Camera
 from calib.core.csv_table import csv_bytes, csv_cell
+from calib.core.linear_algebra import rms_length
 from calib.core.se3 import log_rotation, skew
 from calib.core.types import Detections
 from calib.observe.observations import observations_for_poses
@@ -185,18 +186,13 @@ def target_pose(image: str, cam_from_target: Array, covariance: Array, residual_
         rings=len(residual_px),
         cam_from_target=cam_from_target,
         covariance=covariance,
-        rms_px=rms_of(residual_px),
+        rms_px=rms_length(residual_px),
         camera_mm=-rotation.T @ translation,
         camera_sigma_mm=np.sqrt(np.diag(by_pose @ covariance @ by_pose.T)),
         distance_mm=distance,
         distance_sigma_mm=float(np.sqrt(sight @ covariance[3:, 3:] @ sight)),
         rotation_sigma_rad=float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])),
     )
-
-
-def rms_of(residual_px: Array) -> float:
-    """Root mean square length; nan of none."""
-    return float(np.sqrt((residual_px**2).sum(axis=1).mean())) if len(residual_px) else np.nan
 
 
 def poses_to_csv(poses: Sequence[TargetPose]) -> bytes:

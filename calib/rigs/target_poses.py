@@ -10,12 +10,13 @@ import numpy as np
 
 from calib.cameras.rig import Rig
 from calib.core.csv_table import csv_bytes, csv_cell
+from calib.core.linear_algebra import rms_length
 from calib.core.se3 import log_rotation, transform
 from calib.observe.observations import known_points
 from calib.observe.photos import Search, images_in
 from calib.observe.rig_photos import RigPhotos
 from calib.observe.rig_search import Place, RigSearch, photos_of_rig, rig_input, search_cameras
-from calib.observe.target_poses import TOO_FEW, PoseResult, check_output, rms_of, target_pose, target_poses
+from calib.observe.target_poses import TOO_FEW, PoseResult, check_output, target_pose, target_poses
 from calib.rigs.target_pose import CameraSight, RigPose, pose_in_rig
 from calib.rigs.turned_names import turned_in_rig
 from designer.base.arrays import Array
@@ -261,11 +262,11 @@ def _pose(frame: str, rig: Rig, sights: list[CameraSight], found: RigPose) -> Ri
     return RigTargetPose(
         frame=frame,
         cameras=tuple(
-            CameraResidual(rig.names[sight.camera], sight.seen.image, len(own), rms_of(own))
+            CameraResidual(rig.names[sight.camera], sight.seen.image, len(own), rms_length(own))
             for sight, own in zip(sights, used, strict=True)
         ),
         rings=len(every),
-        rms_px=rms_of(every),
+        rms_px=rms_length(every),
         target_mm=found.rig_from_target[:3, 3],
         target_sigma_mm=np.sqrt(np.diag(covariance)[3:]),
         rotation_sigma_rad=float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])),

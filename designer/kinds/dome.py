@@ -40,7 +40,6 @@ class DomeSpec(OfEdgeSpec):
         return tuple(OF_FIVE[:15] if self.lattice == "triangular" else MANY_SQUARES)
 
 
-ASKED = AskedOfEdge.of(DomeSpec)
 KIND = Kind(
     "a half dome with rings on the fifteen upper faces of an icosahedron, on a flat base",
     AskedOfEdge.of(DomeSpec),

@@ -60,6 +60,9 @@ def test_of_several_models_that_of_the_verdict_is_checked(folder: Path) -> None:
     found = checked(folder.parent)
     assert found.verdict == "yes"
     assert "the verdict names is taken, opencv" in found.remarks[0]
+    scaled(solved().camera, 1.003).save(folder / "camera.json")
+    found = checked(folder.parent)
+    assert (found.verdict, found.remarks[1:]) == ("no", (NOT_AS_SOLVED,))
 
 
 def test_a_file_alone_is_not_called_changed_where_a_lens_may_never_have_fitted(folder: Path) -> None:
