@@ -94,7 +94,7 @@ class CameraEvidence:
     sightings: int  # that count
     left_out: int
     rms_px: float  # root mean square length of the residuals that count
-    times_stated: float | None  # the noise over what the detector states; None: weights were not used
+    times_stated: float | None  # the noise over what the detector states; None: it states nothing, or is not asked
     coverage: Coverage | None  # None: its lens was given
 
 
@@ -194,8 +194,9 @@ def lens_evidence(calibrations: Sequence[Calibration], best: int, halves: HalfSp
         stated = math.sqrt(float(np.trace(seen.cov_px2, axis1=1, axis2=2).mean()) / 2)
     return LensEvidence(
         name="", frames=views, sightings=summary.count, left_out=int(judged.is_outlier.sum()), rms_px=summary.rmse,
-        times_stated=judged.scale if judged.weighted else None, coverage=covered, model=judged.camera.model,
-        halves=compared, uncertainty=uncertainty_of(judged, covered, compared.factor), stated_sigma_px=stated,
+        times_stated=judged.scale / (1.0 if judged.weighted else stated) if stated else None, coverage=covered,
+        model=judged.camera.model, halves=compared, uncertainty=uncertainty_of(judged, covered, compared.factor),
+        stated_sigma_px=stated,
         far_share=float((far & ~judged.is_outlier).sum()) / max(len(far), 1),
         left_out_share=float(judged.is_outlier.sum()) / max(len(far), 1),
         image_px=_beyond_noise(cells.rms_of_means_px, cells.rms_by_noise_px),

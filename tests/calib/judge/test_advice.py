@@ -283,3 +283,11 @@ def test_facts_of_a_solid_are_of_the_faces_that_were_seen() -> None:
     assert (facts.tilt_deg[:, 1] <= facts.tilt_deg[:, 2]).all()
     assert facts.tilt_deg[:, 2].max() < 85
     assert facts.tilt_deg[:, 0].min() < 40
+
+
+@pytest.mark.parametrize("weighted", [True, False])
+def test_what_is_left_over_is_held_against_what_is_stated(weighted: bool) -> None:
+    """Sigmas that are half as large as the noise are told so, whether or not they weigh."""
+    stated = np.tile((NOISE_PX / 2) ** 2 * np.eye(2), (len(good().observations.view), 1, 1))
+    seen = replace(good().observations, cov_px2=stated)
+    assert evidence(solve(seen, "opencv", SolveOptions(weighted=weighted))).times_stated == pytest.approx(2, rel=0.1)
