@@ -28,6 +28,7 @@ def layout_of(marks: AprilGrid) -> MarkerLayout:
     quad = quad[:, [3, 2, 1, 0]]
     gap, cell = marks.tag_mm * marks.spacing, marks.tag_mm / 10
     dark = [[0, 2], [1, 3], [2, 0], [3, 1]] if marks.corner_squares else [[0], [1], [2], [3]]
+    squares = "out small squares beside" if marks.corner_squares else " small squares beside"
     sector = np.ones((4, 4))
     for corner, quadrants in enumerate(dark):
         sector[corner, quadrants] = -1
@@ -40,6 +41,7 @@ def layout_of(marks: AprilGrid) -> MarkerLayout:
         point_mm=marks.position_mm,
         sector=np.tile(sector, (len(quad), 1)),
         clear_mm=0.9 * min(gap if marks.corner_squares else gap / 2, marks.border_bits * cell),
+        unlike=f"their corners are not as the target's: too small or blurred, or printed with{squares} them",
     )
 
 

@@ -36,6 +36,7 @@ class MarkerLayout:
         Array  # (P, 4) -1 dark, 1 light, of the quadrants around a point: x and y +, + then -, + then -, - then +, -
     )
     clear_mm: float  # so far around the points there is nothing but these quadrants
+    unlike: str = "no corner between them can be told: too small, blurred, or as light as its ground"
 
     @property
     def holds(self) -> str:
@@ -72,6 +73,8 @@ def named_points(
         point_px[rows], likeness[rows], strength[rows], is_found[rows] = at[good], alike[good], contrast[good], True
         known_mm, known_px = np.concatenate([known_mm, layout.point_mm[rows]]), np.concatenate([known_px, at[good]])
     rows = np.flatnonzero(is_found)
+    if not len(rows):
+        return rows, point_px[rows]
     near = rows[nearest_rows(layout.point_mm[rows], layout.point_mm[rows], ANCHORS)]
     rows = rows[
         (likeness[rows] > np.median(likeness[near], axis=1) - LESS_LIKE)

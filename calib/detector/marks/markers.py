@@ -279,13 +279,13 @@ def _find_as_is(pixels: NDArray[np.uint8], faces: Sequence[MarkedFace]) -> tuple
         most = SOME + 2 * max(one.first + len(one.quad_mm) for one in told)
         read = {kind: read_markers(pixels, *kind, factor, most) for kind in kinds}
         best = [_agreement_in(pixels, read[one.dictionary, one.border_bits], one) for one in told]
-        records = [_named(pixels, face, told[face], one) for face, one in enumerate(best) if one.is_sound]
+        sound = [face for face, one in enumerate(best) if one.is_sound]
+        # A face that is not in view is nothing to speak of where another is.
+        odd = {face: _as_printed(faces[face], best[face]) for face in sound or range(len(faces))}
+        records = [_named(pixels, face, told[face], best[face]) for face in sound if not odd[face]]
         if any(len(one.row) for one in records):
             break
-        # A face that is not in view is nothing to speak of where another is.
-        records = records or [
-            _nothing(face, words) for face, one in enumerate(best) if (words := _as_printed(faces[face], one))
-        ]
+        records = records or [_nothing(face, words) for face, words in odd.items() if words]
     return tuple(records)
 
 
@@ -340,14 +340,17 @@ def _named(pixels: NDArray[np.uint8], face: int, told: MarkerLayout, best: Agree
     remarks = ("of two boards with the same markers the larger was taken",) if best.second > 1 else ()
     known_mm = _flat(told.quad_mm[best.markers.number[best.rows] - told.first])
     known_px = _flat(best.markers.corner_px[best.rows])
-    return FoundFace(face, *named_points(pixels, told, known_mm, known_px), remarks)
+    rows, near_px = named_points(pixels, told, known_mm, known_px)
+    unlike = () if len(rows) else (f"{len(best.rows)} markers of {told.dictionary} are seen, but {told.unlike}",)
+    return FoundFace(face, rows, near_px, (*remarks, *unlike))
 
 
 def _as_printed(marked: MarkedFace, best: Agreement) -> str:
     """How markers that were seen are laid out, if not as told; "": no layout explains more of them."""
-    if len(best.markers.number) < LEAST_PRINTED:
+    if len(best.markers.number) < LEAST_PRINTED or (best.is_sound and not len(best.against)):
         return ""
-    most, found = len(best.rows) - len(best.against), ""
+    # Of a wide board the other pattern is the same but for a column: where most agree, all have to agree better.
+    most, found = len(best.rows) - (0 if best.is_sound else len(best.against)), ""
     for layout, words in marked.others(best.markers):
         trial = agreement(best.markers, layout)
         if trial.is_sound and len(trial.rows) > most:

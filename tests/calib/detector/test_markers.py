@@ -83,6 +83,8 @@ def test_what_is_wrong_is_said() -> None:
     seen = photo(BOARD).pixels
     assert "make the target without --legacy" in told(seen, replace(BOARD, legacy=True))
     assert "make the target with --legacy" in told(photo(replace(BOARD, legacy=True)).pixels, BOARD)
+    wide = replace(BOARD, squares=(11, 6))
+    assert "make the target without --legacy" in told(photo(wide).pixels, replace(wide, legacy=True))
     assert "of DICT_5X5_50 there are 21, 0 to 20" in told(seen, replace(BOARD, dictionary="DICT_4X4_50"))
     assert "on a board of 7 columns of squares, not 8" in told(seen, replace(BOARD, squares=(8, 6)))
     assert "with 0 as the first one, not 10" in told(seen, replace(BOARD, first_id=10))
@@ -90,6 +92,9 @@ def test_what_is_wrong_is_said() -> None:
     grid = photo(GRID).pixels
     assert "on a grid of 4 columns, not 5" in told(grid, replace(GRID, tags=(5, 3)))
     assert "numbered from the lower left" in told(grid, replace(GRID, from_top=True))
+    bare = replace(GRID, corner_squares=False)
+    assert "printed with small squares" in told(grid, bare)
+    assert "printed without small squares" in told(photo(bare).pixels, GRID)
     one = replace(GRID, border_bits=1)
     assert "with borders of 2 cells no marker is seen" in (said := told(photo(one).pixels, GRID))
     assert "with borders of 1 cell there are" in said
