@@ -321,7 +321,7 @@ def _measured(pixels: NDArray[np.generic], target: TargetGeometry, named: _Point
             pixels = np.asarray(cv2.GaussianBlur(np.asarray(pixels, dtype=np.float32), (3, 3), SOFTENING_PX))
             is_soft, blur_px = True, float(np.hypot(blur_px, SOFTENING_PX))
         seen = _Points(places.ring[good], fits.center_px[good], np.maximum(_sigma_px(fits.cov_px2[good]), SUREST_PX))
-    face = np.where(good, 2 * target.ring_face[places.ring] + target.ring_index[places.ring].sum(axis=1) % 2, -1)
+    face = np.where(good, 4 * target.ring_face[places.ring] + target.ring_index[places.ring] % 2 @ [2, 1], -1)
     radius_px = np.repeat(fits.half_px[:, None] / np.pi, 2, axis=1)
     ratios = variance_ratios(fits.scores, radius_px, _roughness(fits), face, SOFTENED_RATIO if is_soft else 1.0)
     cov = ratios.ring[:, None, None] * fits.cov_px2

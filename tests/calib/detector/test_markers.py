@@ -125,6 +125,16 @@ def test_equal_boards_are_never_mixed() -> None:
     assert find(pixels, BOARD, BOARD)[0].remarks
 
 
+def test_a_tone_curve_leaves_tags_their_certainty() -> None:
+    """Through a curve all edges move alike: what the corners of one kind share is no noise of each of them."""
+    seen = photo(GRID)
+    levels = 255 * (seen.pixels / 255) ** (1 / 2.2) + np.random.default_rng(1).normal(0, 1, seen.pixels.shape)
+    found = detect_boards(levels.astype(np.float32), target_of_marks([GRID], np.eye(4)[None]), name="photo")
+    off = (found.center_px - seen.point_px[found.ring]) / np.sqrt(found.cov_px2[:, 0, 0])[:, None]
+    assert len(found.ring) == len(GRID.position_mm)
+    assert 0.4 < np.sqrt((off**2).mean()) < 1.5
+
+
 def test_corners_close_to_markers_are_told_with_what_they_are_worth() -> None:
     """Where no edges are free around corners, these stay where the finder has them, with a sigma that holds."""
     board = replace(BOARD, marker_mm=18.8)
