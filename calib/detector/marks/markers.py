@@ -95,6 +95,8 @@ def _detector(
     parameters = cv2.aruco.DetectorParameters()
     if is_fine:
         parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+        # Squares that touch a tag cut its corners off: by more than a third of a cell.
+        parameters.relativeCornerRefinmentWinSize = 0.7
     parameters.markerBorderBits = border_bits
     parameters.minMarkerPerimeterRate = 4 * SHORTEST_PX * factor / max(shape)
     known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))

@@ -74,7 +74,7 @@ def test_a_photo_tells_the_layout(name: str) -> None:
     if isinstance(truth, Charuco) and isinstance(found, Charuco):
         assert found.marker_mm == pytest.approx(truth.marker_mm / truth.square_mm, rel=0.03)
     if isinstance(truth, AprilGrid) and isinstance(found, AprilGrid):
-        assert found.spacing == pytest.approx(truth.spacing, abs=0.04)
+        assert found.spacing == pytest.approx(truth.spacing, abs=0.015)
     if isinstance(truth, Circles) and isinstance(found, Circles):
         assert found.diameter_mm == pytest.approx(truth.diameter_mm / truth.pitch_mm, rel=0.08)
 
