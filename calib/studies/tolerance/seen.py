@@ -54,7 +54,7 @@ CONTRAST_TO_NOISE = 100.0
 CORNER_BOUND, CORNER_VARIANCE = 2.48e-4, 3.65e-4
 """The same of a corner's edges: `2 sqrt(pi) blur / (C / noise)^2`; and as the fit of corners states it, and is off, in
 rendered photos of chessboards, ChArUco boards and AprilGrids: it does not use all pixels."""
-USED_PX, NEXT_PX = 20.0, 1.6
+USED_PX, NEXT_PX = 30.0, 1.6
 """How much of an edge `calib.detector.corner_fit` uses at most, and how far from the next corner it stays."""
 CROSSED_PX = 0.8
 """Of each edge at a crossing of lines blurred by .7 px: the integral of 1 - erf^2."""

@@ -11,6 +11,7 @@ from calib.cameras.camera import Camera
 from calib.cameras.refit import camera_difference
 from calib.core.se3 import exp_rotation, invert, make_pose, transform
 from calib.core.types import KnownPoints
+from calib.detector.corner_fit import FARTHEST_PX
 from calib.renderer.faces import ring_truth
 from calib.renderer.scene import scene_from_target
 from calib.solver.blocks import RobustLoss, view_blocks
@@ -44,6 +45,7 @@ from calib.studies.tolerance.seen import (
     EDGE_VARIANCE,
     FLAT_MINOR,
     LEAST_MINOR_PX,
+    USED_PX,
     ImageGrid,
     aimed_at,
     centre_covariances,
@@ -286,6 +288,11 @@ def test_covariance_of_a_corner_is_the_bound_of_its_image(turn: float, reach: tu
     found = corner_covariances(edges[None], np.array([True]))[0]
     assert np.allclose(found, expected, atol=0.1 * np.abs(expected).max())
     assert np.trace(corner_covariances(edges[None], np.array([False]))[0]) > 4 * np.trace(found)
+
+
+def test_edges_tell_as_far_as_the_fit_of_corners_uses_them() -> None:
+    """What is foretold of boards with large squares is what the detector makes of them."""
+    assert USED_PX == FARTHEST_PX
 
 
 def test_rings_seen_are_those_the_renderer_would_show() -> None:
