@@ -208,7 +208,7 @@ def read_table(
     return CsvTable(path, lines, dict(zip(columns, values, strict=True)))
 
 
-SECONDS_DIGITS, LAST_DIGITS = 10, 19
+LAST_DIGITS = 19
 """Of the seconds since 1970, from 2001 to 2286; and of nanoseconds."""
 _STAMP = re.compile(r"([0-9]{10})[._]?([0-9]{6,9})")
 

@@ -45,7 +45,7 @@ MOST_OFF = 0.2
 """Of the room along its edges: farther from where it is predicted nothing is the corner."""
 MOST_TURN_RAD = 0.3
 ROUNDS, LENS_ROUNDS = 3, 2
-TICKS, CLOSE = 96, 0.02
+TICKS = 96
 AROUND, LEAST_AROUND = 12, 6
 """Neighbours that tell where a point has to be."""
 STRAY, STRAY_FLOOR_PX, STRAY_ROUNDS = 5.0, 0.02, 4

@@ -219,7 +219,7 @@ def _steps(design: Design, assembly: Assembly) -> Steps:
     return Steps((*steps, "Let the glue harden for a day before you measure: it shrinks."))
 
 
-_PIECE, _LINE, _KEY, _INK, _PAPER = "#e4e4e4", "#6b6b6b", "#d55e00", "#1a1a1a", "#ffffff"
+_PIECE, _LINE, _KEY, _INK = "#e4e4e4", "#6b6b6b", "#d55e00", "#1a1a1a"
 
 
 def jointing_section(design: Design, board: BoardInPieces, files: Sequence[OutputFile]) -> Section:
