@@ -98,22 +98,20 @@ def _lattice(sides: int, inradius: float, spacing: float, printer: PrinterProfil
     best = cells[:0]
     middle = np.array(bed) / 2
     rim, far = BED_RIM_MM, np.array(bed) - BED_RIM_MM
+    along = np.linspace(0, step, _SHIFTS, endpoint=False)
+    shifts = np.stack(np.meshgrid(along, along, indexing="ij"), axis=-1).reshape(-1, 1, 2)
     for turn in _TURNS[2 * math.pi / sides - 1e-9 > _TURNS].tolist():
         cosine, sine = math.cos(turn), math.sin(turn)
         turned = corners @ np.array([[cosine, sine], [-sine, cosine]]) + middle
         low, high = turned.min(axis=1), turned.max(axis=1)
-        for u in np.linspace(0, step, _SHIFTS, endpoint=False).tolist():
-            for v in np.linspace(0, step, _SHIFTS, endpoint=False).tolist():
-                shift = np.array([u, v])
-                inside = ((low + shift >= rim) & (high + shift <= far)).all(axis=1)
-                if inside.sum() <= len(best):
-                    continue
-                moved = turned + shift
-                for area in taken:
-                    inside &= _clear_of(moved, area)
-                if inside.sum() > len(best):
-                    motion = np.array([[cosine, -sine, middle[0] + u], [sine, cosine, middle[1] + v], [0, 0, 1]])
-                    best = motion @ cells[inside]
+        on_bed = ((low + shifts >= rim) & (high + shifts <= far)).all(axis=2)  # (S, N)
+        for (shift,), there, count in zip(shifts, on_bed, on_bed.sum(axis=1).tolist(), strict=True):
+            if count <= len(best):
+                continue
+            inside = there & np.all([_clear_of(turned + shift, area) for area in taken], axis=0)
+            if inside.sum() > len(best):
+                u, v = middle + shift
+                best = np.array([[cosine, -sine, u], [sine, cosine, v], [0, 0, 1]]) @ cells[inside]
     order = np.argsort(np.round(np.linalg.norm(best[:, :2, 2] - middle, axis=1), 6), kind="stable")
     return best[order]
 
