@@ -154,6 +154,9 @@ def check(
     turn_deg: Annotated[
         float, option("a turn of a rig's camera that matters; also a shift that moves its picture as far", 1e-4, 90)
     ] = 0.05,
+    pattern: Annotated[
+        str | None, option("of a rig: file names of all cameras in one folder: '{camera}{frame}.jpg'")
+    ] = None,
     history: Annotated[
         "Place | None", option("folder with a table of all checks, to which this is added", metavar="DIR")
     ] = None,
@@ -198,7 +201,7 @@ def check(
         )
     )
     geometry = None if target is None else target_of(target)
-    seen, unseen, rendered_id, said = _observed(reference, geometry, photos, jobs, progress)
+    seen, unseen, rendered_id, said = _observed(reference, geometry, photos, pattern, jobs, progress)
     way = how_made(geometry, made, rendered_id=rendered_id)
     prior = None if way is None else way.prior
     if bend is not None and seen is not None and bent_id in (seen.points.geometry_id or None,):
@@ -318,8 +321,8 @@ def _is_another(one: "Camera", other: "Camera") -> bool:
 
 def _observed(
     reference: "Reference", target: "TargetGeometry | None",
-    photos: "Observations | RigObservations | Place | Iterable[Place | Detections]", jobs: int | None,
-    progress: Progress,
+    photos: "Observations | RigObservations | Place | Iterable[Place | Detections]", pattern: str | None,
+    jobs: int | None, progress: Progress,
 ) -> "tuple[RigObservations | None, tuple[LeftOut, ...], str, tuple[str, ...]]":  # fmt: skip
     """What is seen in photos or a table, photos that show nothing, the geometry they were rendered of, and remarks."""
     from calib.app.inputs import (
@@ -341,6 +344,8 @@ def _observed(
         given = load_rig_observations(given, target) if not is_alone else file_or_observations(given, target)
     if isinstance(given, list) and given and all(isinstance(one, Detections) for one in given):
         given = observations_of(cast("list[Detections]", given), target)
+    if pattern is not None and (is_alone or isinstance(given, Observations | RigObservations)):
+        raise InputError("--pattern: tells the cameras of a rig's photos apart; leave it out")
     if isinstance(given, Observations) and is_alone:
         _require_size(reference, 0, given.image_size)
         return replace(of_one_camera(given), camera_names=names), (), "", given.remarks
@@ -359,13 +364,16 @@ def _observed(
         found, _ = with_truth(photos_of(places, None, target, progress), None)
         search = PhotoSearch(target, found, jobs=jobs, progress=progress).once(reference.rig.cameras[0])
         return _of_searches(reference, names, (search,), {})
+    from calib.capture.clips import clips_of_rig
     from calib.observe.rig_search import photos_of_rig, rig_input, search_cameras
 
-    taken = photos_of_rig(with_bag(rig_input(places)))
+    of_rig = with_bag(rig_input(places, pattern=pattern))
+    taken = clips_of_rig(of_rig, target, progress) or photos_of_rig(of_rig)
     lenses = {name: reference.rig.cameras[reference.rig.row(name)] for name in taken.camera_names}
     searched = search_cameras(target, taken, lenses, None, jobs, progress)
     frames = {(photo.camera, photo.path): photo.frame for photo in taken.photos}
-    return _of_searches(reference, taken.camera_names, searched.searches, frames, taken.frame_names)
+    every = _of_searches(reference, taken.camera_names, searched.searches, frames, taken.frame_names)
+    return *every[:3], (*taken.remarks, *every[3])
 
 
 def _of_searches(

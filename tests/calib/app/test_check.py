@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
@@ -14,9 +15,12 @@ import calib
 from calib.app.check import NOT_AS_SOLVED, CameraCheck
 from calib.app.check_history import _draw
 from calib.cameras.camera import load_camera
+from calib.cameras.rig import Rig
 from calib.observe.calibration_file import Provenance, write_calibration
 from calib.solver.calibration import Calibration
+from designer.target import target_of_marks
 from tests.support import drift_scenes, solver_scenes
+from tests.support.boards import BOARDS
 from tests.support.command_line import write_correspondences
 from tests.support.drift_scenes import CAMERA, photos_of, scaled
 
@@ -115,3 +119,20 @@ def test_a_table_with_points_needs_no_target(folder: Path) -> None:
     seen = replace(photos_of(CAMERA, POINTS, 3, np.random.default_rng(4)), cov_px2=None)
     write_correspondences(table, seen)
     assert calib.check(folder, table, made="exact").photos == calib.check(folder, None, seen, made="exact").photos
+
+
+def test_photos_of_a_rig_are_given_as_calib_rig_takes_them(tmp_path: Path) -> None:
+    """All in one folder, by a pattern, and what is not named so is said; clips are no folders."""
+    rig = Rig(("left", "right"), (CAMERA, CAMERA), np.stack([np.eye(4)] * 2))
+    target = target_of_marks([BOARDS["chessboard"]], np.eye(4)[None], 0.0)
+    for name in ("left01.png", "right01.png", "notes.png"):
+        cv2.imwrite(str(tmp_path / name), np.full(CAMERA.image_size[::-1], 128, np.uint8))
+    found = calib.check(rig, target, tmp_path, pattern="{camera}{frame}.png")
+    assert (found.verdict, found.reason) == ("cannot say", "no photo shows enough of the target")
+    assert {one.frame for one in found.left_out} == {"left: left01.png", "right: right01.png"}
+    assert "'notes.png'" in "".join(found.remarks)
+    (tmp_path / "left.mp4").touch()
+    with pytest.raises(calib.InputError, match="give a clip a camera"):
+        calib.check(rig, target, tmp_path / "left.mp4")
+    with pytest.raises(calib.InputError, match="pattern: tells the cameras of a rig"):
+        calib.check(CAMERA, target, tmp_path, pattern="{camera}{frame}.png")
