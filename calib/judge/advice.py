@@ -194,7 +194,7 @@ def _names(facts: ViewFacts, rows: Rows) -> str:
 def _alike(evidence: LensEvidence) -> str:
     """What moved or changed alike in all photos, and is named for sure."""
     error = evidence.uncertainty.capture_error
-    effects = () if error is None else error.effects
+    effects = () if error is None or evidence.is_of_target else error.effects
     return "; ".join(dict.fromkeys(effect.remedy for effect in effects if effect.explains))
 
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from calib.rigs.relative import CarriedError, MiddleError
     from calib.rigs.result import MechanismFit, RigCalibration
 
-LEAST_SHARE = 0.25
+LEAST_SHARE, MOST_SHARE = 0.25, 0.5
 """Of the residuals: a smaller systematic part blames nobody."""
 FAR_OFF = 4.0
 """Robust standard deviations beyond which a sighting is far off; normal noise has 1 of 3000 there."""
@@ -114,6 +114,11 @@ class LensEvidence(CameraEvidence):
     shape: ShapeEffect | None  # what a target of another shape would change; None: cannot be told
     models: tuple[ModelApart, ...]
     reading: str = ""  # what else the observations are, as a sentence, if that explains all
+
+    @property
+    def is_of_target(self) -> bool:
+        """Whether the target's points have most of the residuals in common in all photos, however it was held."""
+        return self.target_px is not None and self.target_px > MOST_SHARE * self.rms_px
 
     @property
     def may_be_lens(self) -> bool:

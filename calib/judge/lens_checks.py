@@ -326,7 +326,7 @@ def capture(evidence: LensEvidence, criteria: Criteria) -> Found | None:
         for effect in error.effects[:MOST_EFFECTS]
     ) + f"; and {len(error.effects) - MOST_EFFECTS} less sure" * (len(error.effects) > MOST_EFFECTS)
     grade = at_most(value, criteria["capture"])
-    if all(effect.explains for effect in error.effects):
+    if all(effect.explains for effect in error.effects) and not evidence.is_of_target:
         return Found(grade, value, f"the photos show {shown}; its uncertainty contains it")
     sentence = (
         f"something looks like {shown}; it does not explain all that is left over, or parameters were fixed or "

@@ -14,6 +14,7 @@ from calib.core.types import Observations
 from calib.judge.checks import read_criteria
 from calib.judge.coverage import coverage_of
 from calib.judge.difference import Known, apart
+from calib.judge.evidence import LensEvidence, lens_evidence
 from calib.judge.halves import NoHalves
 from calib.judge.judge import Judged
 from calib.judge.reading import reading_of, turned, unit_doubt
@@ -34,6 +35,7 @@ from tests.support.verdict_cases import (
     judge_run,
     sightings,
     solved,
+    verdict_on,
 )
 
 
@@ -156,6 +158,16 @@ def test_what_does_not_explain_what_is_left_over_is_no_cause() -> None:
     run, _ = _judged(replace(seen, center_px=seen.center_px + bump))
     assert check(run, "capture").sentence.startswith("something looks like")
     assert "let target and camera rest" not in " ".join(run.verdict.advice)
+
+
+def test_what_the_targets_points_have_in_common_is_no_motion() -> None:
+    """Where most residuals are the same of each point in all photos, what looks like motion is not named."""
+    lens = lens_evidence([_judged(_moving(0.8))[1]], 0, NoHalves("not solved"))
+    assert isinstance(lens, LensEvidence)
+    named, hedged = verdict_on(lens), verdict_on(replace(lens, target_px=lens.rms_px))
+    for verdict, is_named in ((named, True), (hedged, False)):
+        said = next(one for one in verdict.checks if one.name == "capture").sentence
+        assert said.startswith("the photos show" if is_named else "something looks like")
 
 
 def test_a_parameter_that_is_held_may_be_the_cause_as_well() -> None:
