@@ -41,7 +41,7 @@ def check_page(found: "CameraCheck", *, is_drawn: bool) -> Page:
         note = "Each change as if it were the only one; seen from: found with 95 %."
         blocks.append(table_of(dict.fromkeys(one.camera for one in found.changes), *columns, note=note))
     if found.left_out:
-        rows = [Finding("usable", printable(one.frame), f"left out: {printable(one.reason)}") for one in found.left_out]
+        rows = [Finding("note", printable(one.frame), f"left out: {printable(one.reason)}") for one in found.left_out]
         blocks.append(Findings(tuple(rows)))
     figures = _figures(found) if is_drawn else []
     return Page(
