@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.app.check_history import history_figures
-from designer.base.words import figure, printable
+from designer.base.words import capital, figure, printable
 from designer.page.blocks import Block, Facts, Figure, Finding, Findings, Headline, Level, Page, Section
 from designer.page.folders import Shown, notes, table_of
 
@@ -24,7 +24,7 @@ def check_page(found: "CameraCheck", *, is_drawn: bool) -> Page:
     level: Level = {"yes": "good", "no": "bad", "cannot say": "usable"}[found.verdict]  # type: ignore[assignment]
     chance = f"p {'< 1e-6' if found.p < 1e-6 else f'= {figure(found.p, 2)}'}, an alarm below {found.false_alarms:g}"
     chance = f" ({chance})" if math.isfinite(found.p) else ""
-    headline = Headline(level, found.verdict, f"{found.reason[:1].upper()}{found.reason[1:]}{chance}.")
+    headline = Headline(level, found.verdict, f"{capital(found.reason)}{chance}.")
     named = f": {', '.join(map(printable, found.photos[:MOST_NAMED]))}" if found.photos else ""
     more = len(found.photos) - MOST_NAMED
     facts = Facts((

@@ -17,8 +17,8 @@ NAME = "ringsolid"
 
 
 def capital(text: str) -> str:
-    """With a capital first letter; the rest stays, as names and units have to."""
-    return text[:1].upper() + text[1:]
+    """With a capital first letter, unless it begins with a name, as `left.mp4` and `cam0`, which stay as the rest."""
+    return text if re.match(r"[\w./]*(\d|[./_]\w)", text) else text[:1].upper() + text[1:]
 
 
 def counted(count: int, thing: str) -> str:
