@@ -99,12 +99,14 @@ def write_files(files: Mapping[Path, bytes], sort: str = "result") -> None:
                 _link(final, kept)
             earlier[final] = kept
             place.replace(final)
-    except OSError as error:
+    except (OSError, KeyboardInterrupt) as error:
         for final, kept in earlier.items():
             if kept is None:
                 final.unlink(missing_ok=True)
             else:
                 kept.replace(final)
+        if isinstance(error, KeyboardInterrupt):
+            raise
         raise NotWrittenError(
             f"{next(iter(files))}: cannot be written: {error.strerror}; choose another place, or make room"
         ) from None

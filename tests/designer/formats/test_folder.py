@@ -80,8 +80,11 @@ def test_a_disk_that_is_full_in_the_end_leaves_the_earlier_files(folder: Path, m
     assert_refused_and_intact(folder, "No space left on device")
 
 
-def test_failing_rename_leaves_the_earlier_files(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """When a file cannot be put in its place, whichever it is, those already in place are taken back."""
+@pytest.mark.parametrize("error", [OSError(errno.EPERM, "no"), KeyboardInterrupt()])
+def test_failing_rename_leaves_the_earlier_files(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    """When a file cannot be put in its place, whichever it is, or at Ctrl-C, those already in place are taken back."""
     replace = Path.replace
     before = contents(folder)
     for failing in range(1, 20):
@@ -90,13 +93,13 @@ def test_failing_rename_leaves_the_earlier_files(folder: Path, monkeypatch: pyte
         def replace_but_once(path: Path, target: Path, calls: list[Path] = calls, failing: int = failing) -> Path:
             calls.append(target)
             if len(calls) == failing:
-                fails_with(errno.EPERM)()
+                raise error
             return replace(path, target)
 
         monkeypatch.setattr(Path, "replace", replace_but_once)
         try:
             write_folder(folder, FILES)
-        except InputError:
+        except (InputError, KeyboardInterrupt):
             assert contents(folder) == before
         else:
             break
