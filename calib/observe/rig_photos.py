@@ -106,7 +106,7 @@ def _usual_pattern(folder: Path) -> str:
         parts = [match.group("camera", "frame") for name in names if (match := _expression(pattern).fullmatch(name))]
         cameras = sorted({camera for camera, _ in parts})
         count = len({frame for _, frame in parts})
-        if 1 < len(cameras) <= count and len(parts) == len(names) > 0.7 * len(cameras) * count:
+        if 1 < len(cameras) <= count and len(parts) > 0.9 * len(names) and len(parts) > 0.7 * len(cameras) * count:
             frames[pattern] = count, cameras
     if not frames:
         return f"--pattern {EXAMPLE}"

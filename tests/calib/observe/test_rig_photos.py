@@ -88,6 +88,11 @@ def test_a_pattern_tells_camera_and_frame(tmp_path: Path) -> None:
     ("names", "pattern", "cameras"),
     [
         ("left01 left02 left03 right01 right02 right03", "{camera}{frame}.*", ("left", "right")),
+        (
+            f"{' '.join(f'{c}{k:02}' for c in ('left', 'right') for k in range(8))} extra",
+            "{camera}{frame}.*",
+            ("left", "right"),
+        ),
         ("01L 02L 03L 01R 02R 03R", "{frame}{camera}.*", ("L", "R")),
         ("cam1_007 cam2_007 cam1_008 cam2_008 cam1_009 cam2_009", "{camera}_{frame}.*", ("cam1", "cam2")),
         ("7-a 8-a 9-a 7-b 8-b 9-b", "{frame}-{camera}.*", ("a", "b")),
