@@ -209,7 +209,8 @@ class _Weighed:
 class _OwnPhotos:
     """By how much groups of a calibration's own photos deviate more than it lets expect: a variance by hypothesis."""
 
-    variance: Mapping[tuple[str, What], float]
+    variance: Mapping[tuple[str, What], float]  # of hypotheses beyond it, each with a chance of SURELY
+    surely: float  # the largest that all of them together would have with that chance; 1: none
     count: int
 
     def beyond(self, one: "_Weighed") -> float:
@@ -273,9 +274,10 @@ def _own_photos(reference: Reference, count: int, seed: int, *, is_exact: bool) 
                 width[key] = max(width.get(key, 1), one.basis.shape[1])
     found = {key: square[key] / value for key, value in expected.items() if value > LEAST_LEFT * width[key]}
     freedom = {key: width[key] * (total // size) for key in found}
-    return _OwnPhotos(
-        {key: value for key, value in found.items() if chdtrc(freedom[key], value * freedom[key]) < SURELY}, total
-    )
+    chance = {key: float(chdtrc(freedom[key], value * freedom[key])) for key, value in found.items()}
+    beyond = {key: value for key, value in found.items() if chance[key] < SURELY}
+    surely = max((value for key, value in beyond.items() if chance[key] < SURELY / len(found)), default=1.0)
+    return _OwnPhotos(beyond, surely, total)
 
 
 def _in_standard(seen: PhotoScores, own: float) -> tuple[Array, list["_Weighed"], Array]:
@@ -327,7 +329,7 @@ def _tested(
     of = [[one for one in seen.sights if one.given.camera == c] for c in range(len(seen.rig.cameras))]
     return DriftTest(
         p, false_alarms, explanations, _causes(explanations) if changed else (), tuple(names), tuple(left),
-        misfit * float(np.sqrt(max(one.more for one in every))), seen.times_free, contradict,
+        misfit * (1.0 if own is None else float(np.sqrt(own.surely))), seen.times_free, contradict,
         seen.scale, seen.freedom, seen.distance_mm,
         tuple(np.concatenate([np.zeros((0, 2)), *(one.given.center_px for one in each)]) for each in of),
         tuple(np.concatenate([np.zeros((0, 2)), *(one.off_px for one in each)]) for each in of),

@@ -41,6 +41,7 @@ ALLOWED = {
     "calib/rigs/robot_readings.py _ways": "a normal matrix with more on its diagonal",
     "calib/judge/photo_scores.py PhotoScores.odd_frame": "one plus a covariance",
     "calib/judge/drift.py _in_standard": "one plus covariances",
+    "calib/judge/drift.py _own_photos": "a unit triangular matrix, of turns about other centres",
     "calib/judge/reading.py _own_centres": "a shortest solution, which any photo has",
     "calib/rigs/motion.py Motion.speed_covariance": "a Gram matrix with the poses' noise on its diagonal",
     "calib/rigs/motion.py motion_of": "a Gram matrix with the poses' noise on its diagonal",
