@@ -12,8 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as MplFigure
 
 import calib
-from calib.app.check import NOT_AS_SOLVED, CameraCheck
+from calib.app.check import CameraCheck
 from calib.app.check_history import _draw
+from calib.app.check_inputs import NOT_AS_SOLVED
 from calib.cameras.camera import load_camera
 from calib.cameras.rig import Rig
 from calib.observe.calibration_file import Provenance, write_calibration
