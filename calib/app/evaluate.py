@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from designer.page.blocks import Headline, Page
     from designer.target import TargetGeometry
 
-CALIBRATION_FILE = "calibration.json"
 REFERENCE = "reference"
 """The setting that names the photo a map is learned from."""
 
@@ -180,6 +179,7 @@ def _calibration_in(place: Path) -> tuple[Path, tuple[str, ...]]:
     if not place.is_dir():
         return place, ()
     from calib.cameras.formats.reading import solved_in
+    from calib.observe.calibration_file import CALIBRATION_FILE
 
     return solved_in(place, CALIBRATION_FILE)
 

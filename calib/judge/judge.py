@@ -100,7 +100,7 @@ class Judged:
 
 
 VERDICT_FILE, EARLIER_RIG_VERDICT_FILE = reading.VERDICT_FILE, "rig_verdict.json"
-VERDICT = FileKind(Judged, "verdict", "a verdict.json", "solve again", largest_bytes=16 * 2**20)
+VERDICT = FileKind(Judged, "verdict", "a verdict.json", "solve again", largest_bytes=reading.LARGEST_VERDICT)
 """With the calibrations beside it the halves suffice to judge again by other limits without solving anything."""
 
 

@@ -28,7 +28,7 @@ HEAD = 2**16
 """Characters from which a file's kind is told."""
 ONE_OF = "#"
 """Between a file of several cameras and the name of one."""
-VERDICT_FILE, POSES_ONLY, LARGEST_VERDICT = "verdict.json", "pose_errors.csv", 2**28
+VERDICT_FILE, POSES_ONLY, LARGEST_VERDICT = "verdict.json", "pose_errors.csv", 16 * 2**20
 """Of a folder of results: the verdict, and what `calib hand-eye --poses` writes, which solves no camera."""
 BINARY = {".bin": "colmap", ".mat": "matlab"}
 """The formats of files that are no text, by their ends."""
